@@ -70,7 +70,7 @@ class ExchangeSolver:
         """Iterate an event, and return to continuous time."""
         changed = False
         for _ in range(MOST_ITERATIONS):
-            if ticking and "clock-not-ticked" not in self.faults:
+            if ticking:
                 self.instance.put(dict.fromkeys(ticking, True))
             made = self.instance.update()
             for name in ticking:

@@ -88,7 +88,7 @@ class FaultyInstance(RawInstance):
         return status
 
     def _in_rows(self, name: str, value: Any) -> Any:
-        """A nested list as a flat one, row by row; by columns with a fault."""
+        """A list with its elements in the order of rows."""
         if not isinstance(value, (list, tuple)):
             return value
         variable = self.fmu.variables[name]
@@ -146,7 +146,9 @@ class FaultyInstance(RawInstance):
     def serialise(self, state: c_void_p) -> bytes:
         """The bytes of a saved state."""
         data = super().serialise(state)
-        return data[:-8] + bytes(8) if "serialised-state-truncated" in self.faults else data
+        if "serialised-state-truncated" in self.faults:
+            return data.partition(b"\0")[0].ljust(len(data), b"\0")
+        return data
 
     def reset(self) -> None:
         """Reset the instance."""

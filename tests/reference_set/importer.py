@@ -204,9 +204,12 @@ class _Simulation:
             late = "time-event-at-end-of-step" in self.faults
             event = math.inf if "missed-time-event" in self.faults else self._next
             until = end if late else min(end, event, *self._ticks.values())
+            if "early-return-ignored" in self.faults:
+                self._judge(self.instance.step(t, end - t).status)
+                return [end]
             made = self.instance.step(t, until - t)
             self._judge(made.status)
-            t = until if "early-return-ignored" in self.faults else made.time
+            t = made.time
             if made.terminate and "terminated-ignored" not in self.faults:
                 self.ended = True
                 return [t]
@@ -245,7 +248,7 @@ class _Simulation:
             if self.inputs.times:
                 self.instance.put(self.inputs.at(t))
         ticking = [name for name, at in self._ticks.items() if at <= t * (1.0 + 1e-15)]
-        if ticking and "clock-not-ticked" not in self.faults:
+        if ticking:
             self.instance.put(dict.fromkeys(ticking, True))
         for _ in range(MOST_PASSES):
             made = self.instance.update()

@@ -32,7 +32,6 @@ FAULTS: Mapping[str, str] = MappingProxyType(
         "no-event-iteration": "the discrete states are updated once per event",
         "no-new-states-after-event": "states that an event has changed are not read",
         "no-completed-integrator-step": "the end of a step of the integrator is not told",
-        "clock-not-ticked": "clocks of the importer never tick",
         # time
         "stop-time-overrun": "the last step is a whole one, beyond the stop time",
         "last-partial-step-skipped": "the last step is left out if it is not a whole one",
@@ -48,7 +47,7 @@ FAULTS: Mapping[str, str] = MappingProxyType(
         "state-not-restored": "a saved state is not restored",
         "state-shared": "all saved states are the last one",
         "state-without-time": "a restored state does not bring its time back",
-        "serialised-state-truncated": "the last 8 bytes of a serialised state are zero",
+        "serialised-state-truncated": "a serialised state is kept as text, up to its first zero byte",
         "reset-keeps-state": "reset does nothing",
         # derivatives
         "directional-derivative-sign": "directional derivatives have the wrong sign",

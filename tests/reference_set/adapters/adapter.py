@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import math
 import sys
+import tempfile
 import tomllib
 import zipfile
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -42,7 +43,7 @@ class AdaptedCase:
         self.values: dict[str, Any] = self.said.get("start", {})
         self.needs: set[str] = {*self.said.get("needs", []), self.kind}
         self.needs |= {name for name in ("start", "inputs", "call") if self.said.get(name)}
-        self.needs |= {"fmi3"} if self.said["fmi"] == "3.0" else set()
+        self.needs |= {"fmi3", f"fmi3-{self.kind}"} if self.said["fmi"] == "3.0" else set()
         name = f"{folder.name}.ssp" if self.kind == "ssp" else f"{next(iter(self.said['fmus']))}.fmu"
         self.file = folder / name
 
@@ -55,6 +56,22 @@ class AdaptedCase:
     def types(self) -> dict[str, str]:
         """Types of the variables of the FMU: Real, Integer, ... also for FMI 3.0 and enumerations."""
         return types(self.file)
+
+    def enumerations(self) -> set[str]:
+        """Variables that are enumerations."""
+        with zipfile.ZipFile(self.file) as archive:
+            root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+        found = root.iterfind("ModelVariables/*")
+        return {e.get("name", "") for e in found if e.tag == "Enumeration" or e.find("Enumeration") is not None}
+
+    def components(self) -> dict[str, Path]:
+        """The FMUs of the components of a flat SSP, unpacked beside it in the folder of the temporary files."""
+        folder = Path(tempfile.mkdtemp(prefix="ssp"))
+        with zipfile.ZipFile(self.file) as archive:
+            archive.extractall(folder)
+        root = ElementTree.parse(folder / "SystemStructure.ssd").getroot()
+        found = (element for element in root.iter() if element.tag.endswith("}Component"))
+        return {element.get("name", ""): folder / element.get("source", "") for element in found}
 
     def inputs(self) -> InputLines:
         """Inputs over time."""
@@ -70,7 +87,7 @@ def types(fmu: Path) -> dict[str, str]:
     for element in root.iterfind("ModelVariables/*"):
         kind = element[0].tag if element.tag == "ScalarVariable" else element.tag
         kind = {"Float64": "Real", "Float32": "Real", "Enumeration": "Integer"}.get(kind, kind)
-        found[element.get("name", "")] = "Integer" if "nt" in kind else kind
+        found[element.get("name", "")] = "Integer" if "Int" in kind else kind
     return found
 
 

@@ -7,12 +7,13 @@ import tempfile
 import zipfile
 from itertools import pairwise
 from pathlib import Path
+from xml.etree import ElementTree
 
 import casadi as ca
 import numpy as np
 from adapter import AdaptedCase, Rows, UnsupportedError, main
 
-LACKS = ("call", "state", "cs", "ssp", "event-mode", "string-output", "events", "time-events", "state-events")
+LACKS = ("call", "cs", "ssp")
 
 
 def run(case: AdaptedCase) -> Rows:
@@ -28,6 +29,9 @@ def integrated(case: AdaptedCase, folder: Path) -> Rows:
     """Integrate from node to node."""
     with zipfile.ZipFile(case.file) as archive:
         archive.extractall(folder)
+    root = ElementTree.parse(folder / "modelDescription.xml").getroot()
+    if root.get("numberOfEventIndicators", "0") != "0" or root.find("ModelStructure/EventIndicator") is not None:
+        raise UnsupportedError("it has no events")
     dae = ca.DaeBuilder("fmu", str(folder), {"debug": False})
     kinds = case.types()
     for name, value in case.values.items():

@@ -14,14 +14,11 @@ from typing import Any
 from adapter import AdaptedCase, Rows, UnsupportedError, main
 from cofmupy import Coordinator
 
-LACKS = ("call", "state", "directional", "me", "event-mode", "parameter-set", "nested", "transformation", "unit")
+LACKS = ("call", "me", "ssp")
 
 
 def run(case: AdaptedCase) -> Rows:
     """Rows of the results."""
-    if case.kind == "ssp":
-        fmus = {name: case.folder / f"{name}.fmu" for name in case.said["fmus"]}
-        raise UnsupportedError(f"it has no SSP ({len(fmus)} FMUs)")
     if case.start:
         raise UnsupportedError("its interface has no start time")
     if any(isinstance(value, list) for value in case.values.values()):

@@ -11,7 +11,7 @@ from typing import Any
 from adapter import AdaptedCase, Rows, UnsupportedError, main, types
 from ecospy import EcosLib, EcosSimulation, EcosSimulationStructure
 
-LACKS = ("call", "state", "directional", "me", "event-mode", "clocks")
+LACKS = ("call", "me", "partial-last-step", "algebraic-loops", "enumerations", "discrete-inputs")
 GETTERS = {"Real": "real", "Integer": "integer", "Boolean": "bool", "String": "string"}
 
 
@@ -25,7 +25,11 @@ def run(case: AdaptedCase) -> Rows:
             return steps(case, simulation, parameter_set(case))
     with EcosSimulationStructure() as structure:
         structure.add_model("fmu", str(case.file))
-        values = {f"fmu::{name}": plain(value) for name, value in case.values.items()}
+        enumerations = case.enumerations().intersection({*case.values, *case.outputs})
+        if enumerations:
+            raise UnsupportedError(f"it does not know {', '.join(enumerations)}, an enumeration")
+        first = {**case.inputs().at(case.start), **case.values}
+        values = {f"fmu::{name}": plain(value) for name, value in first.items()}
         structure.add_parameter_set("start", values)
         with EcosSimulation(case.step, structure=structure) as simulation:
             return steps(case, simulation, "start" if values else "")

@@ -15,7 +15,7 @@ from libcosimpy.CosimManipulator import CosimManipulator
 from libcosimpy.CosimObserver import CosimObserver
 from libcosimpy.CosimSlave import CosimLocalSlave
 
-LACKS = ("call", "state", "directional", "me", "event-mode", "fmi3")
+LACKS = ("call", "me", "partial-last-step", "algebraic-loops", "enumerations")
 INITIAL = {"Real": float, "Integer": int, "Boolean": bool, "String": str}
 TYPES = {0: "real", 1: "integer", 2: "string", 3: "boolean"}
 
@@ -38,13 +38,14 @@ def run(case: AdaptedCase) -> Rows:
     variables = {part: {v.name.decode(): v for v in execution.slave_variables(i)} for part, i in slaves.items()}
 
     def place(name: str) -> tuple[int, Any]:
-        if case.kind != "ssp":
-            return slaves["fmu"], variables["fmu"][name]
-        part, _, port = name.rpartition(".")
+        part, _, port = name.rpartition(".") if case.kind == "ssp" else ("fmu", "", name)
+        if port not in variables[part]:
+            raise UnsupportedError(f"it does not know {name}, an enumeration")
         return slaves[part], variables[part][port]
 
-    if case.kind != "ssp":
-        for name, value in case.values.items():
+    inputs = case.inputs() if case.kind != "ssp" else None
+    if inputs is not None:
+        for name, value in {**inputs.at(0.0), **case.values}.items():
             kind = case.types()[name]
             slave, variable = place(name)
             setter = getattr(execution, f"{kind.lower()}_initial_value")
@@ -54,7 +55,6 @@ def run(case: AdaptedCase) -> Rows:
     observer = CosimObserver.create_last_value()
     if not (execution.add_manipulator(override) and execution.add_observer(observer)):
         raise RuntimeError("it takes no manipulator or observer")
-    inputs = case.inputs() if case.kind != "ssp" else None
 
     def apply(values: Mapping[str, Any]) -> None:
         kinds = case.types()
@@ -99,7 +99,9 @@ def run(case: AdaptedCase) -> Rows:
         if not execution.step(1):
             raise RuntimeError(f"a step at {t} s failed: {execution.status()}")
         rows.append([end, *read()])
-    return [[times[0], *first()], *rows]
+        if len(rows) == 1:
+            rows.insert(0, [times[0], *first()])
+    return rows
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import OMSimulator
 from adapter import AdaptedCase, Rows, UnsupportedError, main
 from OMSimulator import SSP, Capi, CRef
 
-LACKS = ("call", "state", "directional", "string-output", "event-mode", "clocks")
+LACKS = ("call",)
 WEAK, STRONG = 1, 2  # kinds of systems: co-simulation, model exchange
 CVODE, FIXED_STEP = 3, 6  # solvers
 REAL = 3  # type of a signal

@@ -11,7 +11,7 @@ from pathsim.blocks import Scope, Source
 from pathsim.solvers import RKDP54
 from pathsim_fmi import CoSimulationFMU, ModelExchangeFMU
 
-LACKS = ("call", "state", "directional", "ssp", "event-mode", "string-output")
+LACKS = ("call", "ssp")
 
 
 def run(case: AdaptedCase) -> Rows:

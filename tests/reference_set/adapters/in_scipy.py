@@ -13,7 +13,7 @@ from adapter import AdaptedCase, Rows, main
 from fmpy.simulation import apply_start_values, instantiate_fmu, settable_in_instantiated
 from scipy.integrate import solve_ivp
 
-LACKS = ("call", "state", "cs", "ssp", "event-mode", "string-output", "clocks")
+LACKS = ("call", "cs", "ssp")
 TYPES = {"Real": "Real", "Float64": "Float64", "Enumeration": "Integer"}
 
 

@@ -6,8 +6,8 @@ The container of one FMU has its inputs and outputs; that of a system has the co
 from __future__ import annotations
 
 import logging
+import shutil
 import tempfile
-import zipfile
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -17,24 +17,12 @@ import numpy as np
 from adapter import AdaptedCase, Rows, UnsupportedError, main
 from fmu_manipulation_toolbox.assembly import AssemblyNode
 
-LACKS = (
-    "call",
-    "state",
-    "directional",
-    "me",
-    "event-mode",
-    "string-output",
-    "parameter-set",
-    "nested",
-    "transformation",
-)
+LACKS = ("call", "me", "algebraic-loops")
 
 
 def run(case: AdaptedCase) -> Rows:
     """Rows of the results."""
     logging.getLogger("fmu_manipulation_toolbox").setLevel(logging.ERROR)
-    if any(isinstance(value, list) for value in case.values.values()):
-        raise UnsupportedError("its interface has no arrays")
     with tempfile.TemporaryDirectory() as folder:
         return list(system(case, Path(folder)) if case.kind == "ssp" else alone(case, Path(folder)))
 
@@ -49,7 +37,7 @@ def alone(case: AdaptedCase, folder: Path) -> Rows:
     for name in case.outputs:
         node.add_output(inside, name, name)
     for name, value in case.values.items():
-        node.add_start_value(inside, name, str(value).lower() if isinstance(value, bool) else str(value))
+        node.add_start_value(inside, name, text(value))
     node.make_fmu(folder, fmi_version=3 if case.said["fmi"] == "3.0" else 2)
     return simulated(case, folder / "container.fmu", {name: name for name in case.outputs})
 
@@ -59,10 +47,8 @@ def system(case: AdaptedCase, folder: Path) -> Rows:
     if not case.said.get("connections"):
         raise UnsupportedError("its containers of an SSP show connectors only")
     node = AssemblyNode("container.fmu", case.step, auto_link=False, auto_input=False, auto_output=False)
-    with zipfile.ZipFile(case.file) as archive:
-        archive.extractall(folder / "ssp")
-    for name in case.said["fmus"]:
-        node.add_fmu(f"{name}.fmu", str(folder / "ssp" / "resources" / f"{name}.fmu"))
+    for name, path in case.components().items():
+        node.add_fmu(f"{name}.fmu", str(shutil.copyfile(path, folder / f"{name}.fmu")))
 
     def place(name: str) -> tuple[str, str]:
         part, port = name.split(".", 1)
@@ -74,9 +60,16 @@ def system(case: AdaptedCase, folder: Path) -> Rows:
     for name in case.outputs:
         node.add_output(*place(name), name.replace(".", "_"))
     for name, value in case.values.items():
-        node.add_start_value(*place(name), str(value).lower() if isinstance(value, bool) else str(value))
+        node.add_start_value(*place(name), text(value))
     node.make_fmu(folder, fmi_version=3 if case.said["fmi"] == "3.0" else 2)
     return simulated(case, folder / "container.fmu", {name: name.replace(".", "_") for name in case.outputs})
+
+
+def text(value: Any) -> str:
+    """A start value; the elements of an array are separated by blanks."""
+    if isinstance(value, list):
+        return " ".join(map(text, value))
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def simulated(case: AdaptedCase, path: Path, columns: dict[str, str]) -> Rows:
