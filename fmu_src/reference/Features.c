@@ -12,20 +12,15 @@
 
 #include "fmi2Functions.h"
 
-#if defined __GNUC__
 #pragma GCC diagnostic ignored "-Wunused-parameter" /* the standard states the arguments */
-#endif
 
 enum { LARGEST_STEP, EVENT_TIME, U, END, Y, DER_Y, RATE, REALS };
 enum { LENGTH, COUNT_OUT, MODE, MODE_OUT, COUNT, MESSAGES, INTEGERS };
-enum { FLAG_OUT, FLAG, BOOLEANS };
-enum { LONGEST = 100 };
+enum { FLAG_OUT, FLAG, BOOLEANS, LONGEST = 100 /* text */ };
 
 typedef struct {
     fmi2Real real[REALS], time;
-    fmi2Integer integer[INTEGERS], boolean[BOOLEANS];
-    fmi2Integer iterations; /* that the event still needs */
-    fmi2Boolean ended;
+    fmi2Integer integer[INTEGERS], boolean[BOOLEANS], ended, iterations; /* that the event still needs */
     char string[LONGEST], name[LONGEST];
     fmi2CallbackFunctions functions;
 } Instance;
@@ -100,8 +95,6 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     return c;
 }
 
-/* ---- values ------------------------------------------------------------------------------------------------- */
-
 #define REFERENCES const fmi2ValueReference vr[], size_t n
 #define ACCESS(action, Type, values, code)                                                                             \
     fmi2Status fmi2##action##Type(fmi2Component component, REFERENCES, values[])                                       \
@@ -123,8 +116,6 @@ ACCESS(Set, String, const fmi2String values, snprintf(c->string, LONGEST, "%s", 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 const char *fmi2GetVersion(void) { return fmi2Version; }
 void fmi2FreeInstance(fmi2Component c) { free(c); }
-
-/* ---- the other functions -------------------------------------------------------------------------------------- */
 
 #define FUNCTION(name, arguments, code)                                                                                \
     fmi2Status fmi2##name arguments                                                                                    \

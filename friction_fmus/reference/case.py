@@ -25,6 +25,7 @@ class CaseFmu:
     start: dict[str, Any] = field(default_factory=dict)  # start values that are built into the FMU
     options: dict[str, Any] = field(default_factory=dict)  # other arguments of `friction_fmus.build`
     interface: Literal["", "cs", "me", "both"] = ""  # interfaces that it offers; "": the one that the case uses
+    replaced: dict[str, str] = field(default_factory=dict)  # texts in modelDescription.xml, and those in their place
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ class ReferenceCase:
     faults: list[str] = field(default_factory=list)
     needs: list[str] = field(default_factory=list)
     may_refuse: bool = False
+    time_limit: float = 10.0
 
     @property
     def name(self) -> str:

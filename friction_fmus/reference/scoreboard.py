@@ -7,10 +7,10 @@ from typing import Final
 
 from lxml import etree
 
+from friction_fmus.export.targets import write_file
 from friction_fmus.fmi.html_page import STYLE, row, table
 from friction_fmus.reference.case import ReferenceCase
 from friction_fmus.reference.tool_runs import FAILED, INACCURATE, PASSED, UNSUPPORTED, Verdict
-from harness.storage.files import atomic_path
 
 COLOURS: Final = {PASSED: "#d9f2d9", INACCURATE: "#fff0c2", FAILED: "#f9d5d5", UNSUPPORTED: "#eeeeee"}
 JUNIT: Final = "junit.xml"
@@ -26,8 +26,7 @@ def write_junit(verdicts: Sequence[Verdict], tool: str, folder: Path) -> None:
         detail = "".join(letter if letter.isprintable() else " " for letter in f"{verdict.state}: {verdict.detail}")
         kind = {PASSED: "system-out", UNSUPPORTED: "skipped"}.get(verdict.state, "failure")
         etree.SubElement(test, kind, {} if kind == "system-out" else {"message": detail}).text = detail
-    with atomic_path(folder / JUNIT) as temporary:
-        temporary.write_bytes(etree.tostring(suite, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+    write_file(etree.tostring(suite, xml_declaration=True, encoding="UTF-8", pretty_print=True), folder / JUNIT)
 
 
 def read_junit(folder: Path) -> dict[str, dict[str, str]]:
@@ -47,12 +46,8 @@ def write_page(cases: Sequence[ReferenceCase], folder: Path) -> Path:
     body = re.sub(f"<td>({'|'.join(COLOURS)}): ", r'<td class="\1"><b>\1</b><br>', body)
     body = re.sub(r'<th scope="row">(\w+)', r'<th scope="row"><a href="../\1/README.md">\1</a>', body)
     style = STYLE + "".join(f".{state.split()[0]} {{ background: {colour}; }}\n" for state, colour in COLOURS.items())
-    title = "Reference set for tools that import FMUs"
-    path = folder / "results" / "index.html"
-    with atomic_path(path) as temporary:
-        temporary.write_text(
-            f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{title}</title>\n'
-            f"<style>{style}</style>\n</head>\n<body>\n<h1>{title}</h1>\n{body}</body>\n</html>\n",
-            encoding="utf-8",
-        )
+    title, path = "Reference set for tools that import FMUs", folder / "results" / "index.html"
+    head = f'<head>\n<meta charset="utf-8">\n<title>{title}</title>\n<style>{style}</style>\n</head>'
+    page = f'<!DOCTYPE html>\n<html lang="en">\n{head}\n<body>\n<h1>{title}</h1>\n{body}</body>\n</html>\n'
+    write_file(page.encode(), path)
     return path

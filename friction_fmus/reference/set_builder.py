@@ -13,11 +13,12 @@ from lxml import etree
 
 from friction_fmus.blocks.catalogue import licence_text, source_folder
 from friction_fmus.export.block_fmu import build
+from friction_fmus.export.targets import write_file
 from friction_fmus.reference.case import BOUND, INPUTS, REFERENCE, CaseFmu, ReferenceCase
 from harness import Experiment, FmuPart, System
 from harness.compiling.platforms import compiled, select
 from harness.ssp.package import write_package
-from harness.storage.files import ScratchFolder, atomic_path, make_folder
+from harness.storage.files import ScratchFolder, make_folder
 from harness.storage.zip_file import zipped
 
 RELATED: Final = "extra/org.fmi-standard.fmi-ls-ref"  # folder in an FMU of the draft of FMI-LS-REF
@@ -47,8 +48,7 @@ def build_case(case: ReferenceCase, folder: Path, platforms: Sequence[str] = ("n
             experiment = Experiment(**vars(case.experiment))
             with System(parts, case.connections, start=case.start, experiment=experiment) as system:
                 system.to_ssp(target / case.file.name)
-    with atomic_path(target / "README.md") as temporary:
-        temporary.write_text(_filled("case_page", case), encoding="utf-8")
+    write_file(_filled("case_page", case), target / "README.md")
     return target
 
 
@@ -65,6 +65,8 @@ def _fmu(case: ReferenceCase, name: str, fmu: CaseFmu, scratch: Path, platforms:
     else:
         build(fmu.block, scratch, fmu.start, name, **given)
         members = _members(path)
+    for old, new in fmu.replaced.items():
+        members["modelDescription.xml"] = members["modelDescription.xml"].replace(old.encode(), new.encode())
     root = etree.fromstring(members["modelDescription.xml"])
     offered = fmu.interface or ("me" if case.kind == "me" else "cs")
     for element in root.findall({"cs": "ModelExchange", "me": "CoSimulation", "both": "None"}[offered]):
@@ -73,7 +75,7 @@ def _fmu(case: ReferenceCase, name: str, fmu: CaseFmu, scratch: Path, platforms:
         etree.strip_attributes(root, "reinit")
     members["modelDescription.xml"] = etree.tostring(root, xml_declaration=True, encoding="UTF-8")
     if case.kind != "ssp":
-        members[f"{RELATED}/fmi-ls-manifest.xml"] = _filled("fmi-ls-manifest", case).encode()
+        members[f"{RELATED}/fmi-ls-manifest.xml"] = _filled("fmi-ls-manifest", case)
         files = ("case.toml", REFERENCE, BOUND, *([INPUTS] if case.inputs else ()))
         members |= {f"{RELATED}/{file}": (case.folder / file).read_bytes() for file in files}
     path.write_bytes(zipped(members, str(root.get("generationDateAndTime"))))
@@ -99,8 +101,8 @@ def _special(name: str, platforms: Sequence[str]) -> dict[str, bytes]:
     }
 
 
-def _filled(template: str, case: ReferenceCase) -> str:
+def _filled(template: str, case: ReferenceCase) -> bytes:
     """Return a text of this package, filled for a case."""
     text = (Path(__file__).parent / f"{template}.template").read_text(encoding="utf-8")
     filled = Template(text, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
-    return str(filled.render(case=case))
+    return str(filled.render(case=case)).encode()

@@ -1,8 +1,10 @@
 """Run a case in fmpy or in the harness: ``python -m friction_fmus.reference.tools TOOL CASE OUTPUT``."""
 
 import csv
+import math
 import sys
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +16,9 @@ from fmpy.ssp.simulation import simulate_ssp
 
 from friction_fmus.reference.calls import run_calls
 from friction_fmus.reference.case import INPUTS, ReferenceCase, read_case
-from friction_fmus.reference.tool_runs import SKIPPED
-from harness import FmuPart, Part, SeriesPart, System, save_result
+from friction_fmus.reference.tool_runs import SKIPPED, read_results
 
-LACKS = {"fmpy": {"strings"}, "harness": {"call", "strings"}}
+LACKS = {"fmpy": {"strings"}, "harness": {"call", "strings", "partial-last-step", "discrete-inputs"}}
 
 
 class _FmpyInstance:
@@ -43,15 +44,15 @@ class _FmpyInstance:
 
     def set(self, values: Mapping[str, Any]) -> None:
         for name, value in values.items():
-            self._of(name, "set")(self._references([name]), value if isinstance(value, list) else [value])
+            self._access("set", name, value if isinstance(value, list) else [value])
 
     def get(self, names: Sequence[str]) -> list[Any]:
-        return [self._of(name, "get")(self._references([name]))[0] for name in names]
+        return [self._access("get", name)[0] for name in names]
 
-    def _of(self, name: str, action: str) -> Any:
+    def _access(self, action: str, name: str, *values: Any) -> Any:
+        whole = {"Enumeration": "Integer" if self._description.fmiVersion == "2.0" else "Int64"}
         kind = str(self._variables[name].type)
-        whole = "Integer" if self._description.fmiVersion == "2.0" else "Int64"
-        return getattr(self.fmu, f"{action}{whole if kind == 'Enumeration' else kind}")
+        return getattr(self.fmu, f"{action}{whole.get(kind, kind)}")(self._references([name]), *values)
 
     def _references(self, names: Sequence[str]) -> list[int]:
         return [self._variables[name].valueReference for name in names]
@@ -111,19 +112,33 @@ def run_fmpy(case: ReferenceCase, output: str) -> None:
 
 def run_harness(case: ReferenceCase, output: str) -> None:
     """Run a case in the harness and write its results."""
+    from harness import FmuPart, Part, SeriesPart, System, save_result
+
     settings: dict[str, Any] = vars(case.experiment)
     if case.kind == "ssp":
         with System.from_ssp(case.file) as system:
             save_result(system.run(**settings), output)
         return
     fmu = FmuPart("fmu", case.file)
+    ports = {port.name: port for port in fmu.inputs}
+    columns = read_results(case.folder / INPUTS) if case.inputs else {"time": []}
+    values = {name: np.array(column, dtype=float) for name, column in columns.items()}
+    times = values.pop("time")
+    last = np.append(np.diff(times) > 0.0, True)  # of the rows with one time; what jumps is constant between its jumps
+    between: Any = "linear" if last.all() else "previous"
+    series = {name: column[last] for name, column in values.items()}
     parts: list[Part] = [fmu]
-    if case.inputs:
-        parts.append(SeriesPart.from_csv("inputs", case.folder / INPUTS, beyond="hold"))
-    driven = [port.name for part in parts[1:] for port in part.outputs]
-    start = {port.name: port.start for port in fmu.inputs if port.name not in driven and port.start is not None}
-    values = {f"fmu.{name}": value for name, value in {**start, **case.start}.items()}
-    with System(parts, [f"inputs.{name} -> fmu.{name}" for name in driven], start=values) as system:
+    if series:
+        parts.insert(0, SeriesPart("inputs", times[last], series, interpolation=between, beyond="hold"))
+    if case.kind == "me":  # the largest step that meets the times of the inputs
+        meets = [Fraction(str(each)) / Fraction(str(settings["step"])) for each in times - settings["start"]]
+        settings = {**settings, "step": settings["step"] / math.lcm(*(each.denominator for each in meets))}
+    start = {name: port.start for name, port in ports.items() if name not in values and port.start is not None}
+    for name, value in case.start.items():
+        many = {f"{name}[{k}]": each for k, each in enumerate(value, 1)} if isinstance(value, list) else {name: value}
+        start |= many
+    wires = [f"inputs.{name} -> fmu.{name}" for name in values]
+    with System(parts, wires, start={f"fmu.{name}": value for name, value in start.items()}) as system:
         names = {f"fmu.{name}": name for name in case.outputs}
         save_result(system.run(**settings, record=[*names]).rename(names), output)
 

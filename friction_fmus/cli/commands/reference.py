@@ -23,7 +23,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--name", metavar="NAME", help="run: name of the tool in the tables; default: its first word")
     text = "run: what the tool does not have, such as me or fmi3, see needs in case.toml; may be repeated"
     parser.add_argument("--lacks", action="append", default=[], metavar="NEED", help=text)
-    parser.add_argument("--timeout", type=float, default=30.0, metavar="S", help="run: time limit for each case [s]")
+    text = "run: time limit for each case [s]; default: that of the case, 10 s or 60 s"
+    parser.add_argument("--timeout", type=float, metavar="S", help=text)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -48,20 +49,20 @@ def _run(options: argparse.Namespace) -> int:
     from friction_fmus.cli.console import progress_bar
     from friction_fmus.reference.case import read_cases
     from friction_fmus.reference.scoreboard import write_junit, write_page
-    from friction_fmus.reference.tool_runs import FAILED, INACCURATE, TOOLS, ReferenceTool, run_case
+    from friction_fmus.reference.tool_runs import FAILED, INACCURATE, TOOLS, run_case
     from harness.storage.files import make_folder
 
     if not options.folder or options.output or bool(options.tool) == bool(options.results):
         raise FrictionError("give `reference run` the folder of a set, and either --tool or --results")
     name = Path(options.name or (options.tool.split()[0] if options.tool else options.results)).name
     command = TOOLS.get(options.tool, options.tool) or ""
-    tool = ReferenceTool(name, command, options.results, options.lacks, options.timeout)
+    given = {"results": options.results, "lacks": options.lacks, "time_limit": options.timeout}
     folder = options.folder / "results" / name
     make_folder(folder)
     verdicts = []
     with progress_bar() as bar:
         for case in bar.track(read_cases(options.folder, options.case), description=name):
-            verdicts.append(verdict := run_case(case, tool, folder))
+            verdicts.append(verdict := run_case(case, command, folder, **given))
             bar.console.print(f"{case.name}: {verdict.state} ({verdict.detail})", soft_wrap=True)
     write_junit(verdicts, name, folder)
     print(write_page(read_cases(options.folder), options.folder))
