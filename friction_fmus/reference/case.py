@@ -75,8 +75,8 @@ class ReferenceCase:
     def all_needs(self) -> list[str]:
         """Everything that a tool must have: what the case states, and what follows from its other entries."""
         used = {"start": self.start and self.kind != "ssp", "inputs": self.inputs, "call": self.call}
-        found = [name for name, entries in {**used, "fmi3": self.fmi == "3.0"}.items() if entries]
-        return sorted({self.kind, *self.needs, *found})
+        three = {"fmi3": self.fmi == "3.0", f"fmi3-{self.kind}": self.fmi == "3.0"}
+        return sorted({self.kind, *self.needs, *(name for name, entries in {**used, **three}.items() if entries)})
 
 
 def read_cases(folder: Path, names: Sequence[str] | None = None) -> list[ReferenceCase]:

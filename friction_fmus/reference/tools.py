@@ -18,7 +18,7 @@ from friction_fmus.reference.calls import run_calls
 from friction_fmus.reference.case import INPUTS, ReferenceCase, read_case
 from friction_fmus.reference.tool_runs import SKIPPED, read_results
 
-LACKS = {"fmpy": {"strings"}, "harness": {"call", "strings", "partial-last-step", "discrete-inputs"}}
+LACKS = {"fmpy": {"strings"}, "harness": {"call", "strings", "partial-last-step", "discrete-inputs", "fmi3-me"}}
 
 
 class _FmpyInstance:
@@ -99,7 +99,9 @@ def run_fmpy(case: ReferenceCase, output: str) -> None:
                 output_interval=times.step,
                 relative_tolerance=times.tolerance,
                 fmi_type={"cs": "CoSimulation", "me": "ModelExchange"}[case.kind],
-                start_values=case.start,
+                start_values={
+                    name: np.ravel(v).tolist() if isinstance(v, list) else v for name, v in case.start.items()
+                },
                 input=np.genfromtxt(case.folder / INPUTS, names=True, delimiter=",") if case.inputs else None,
                 output=case.outputs,
                 use_event_mode="event-mode" in case.needs,
@@ -135,8 +137,9 @@ def run_harness(case: ReferenceCase, output: str) -> None:
         settings = {**settings, "step": settings["step"] / math.lcm(*(each.denominator for each in meets))}
     start = {name: port.start for name, port in ports.items() if name not in values and port.start is not None}
     for name, value in case.start.items():
-        many = {f"{name}[{k}]": each for k, each in enumerate(value, 1)} if isinstance(value, list) else {name: value}
-        start |= many
+        elements = np.ndenumerate(value) if isinstance(value, list) else ()
+        many = {f"{name}[{','.join(str(i + 1) for i in place)}]": each.item() for place, each in elements}
+        start |= many or {name: value}
     wires = [f"inputs.{name} -> fmu.{name}" for name in values]
     with System(parts, wires, start={f"fmu.{name}": value for name, value in start.items()}) as system:
         names = {f"fmu.{name}": name for name in case.outputs}

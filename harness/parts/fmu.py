@@ -225,6 +225,7 @@ class FmuPart(Part):
         self.saves = bool(self.archive.interface.canGetAndSetFMUstate)
         self.events = archive.exchange or bool(archive.flat is not None and archive.flat.clocks)
         self.identity = str(self.archive.description.guid)
+        self.follows = archive.exchange
         self.sampled = bool(self.outputs) and all(port.held for port in self.outputs)
 
     def inner_tolerance(self, given: float | None) -> float:

@@ -2,8 +2,8 @@
 
 ``python tests/reference_set/values.py`` writes ``reference.csv`` and ``bound.csv`` of each case.
 
-Values are exact rational numbers (`Fraction`) or intervals of mpmath (`iv`). A bound is what a right tool may be off, see
-``bound`` in each case.toml, and half of the last place of the number that is written.
+Values are exact rational numbers (`Fraction`) or intervals of mpmath (`iv`). A bound is what a right tool may be off,
+see ``bound`` in each case.toml, and half of the last place of the number that is written.
 """
 
 from __future__ import annotations
@@ -349,7 +349,7 @@ def me_oscillator() -> list[Row]:
 
 
 def karnopp(forces: Sequence[tuple[Q, Q]], w: Q, times: Sequence[Q]) -> Iterable[tuple[Q, Q, Q]]:
-    """Time, position and velocity of KarnoppMass (m = 1, Fc = 1, Fs = 1.5, Fv = 0, DV = 0.001), force constant from times."""
+    """Time, position and velocity of KarnoppMass with the numbers below, and forces from times on."""
     Fc, Fs, DV = Q(1), Q(3, 2), Q(1, 1000)
     side = 1 if w >= DV else 0
     t, x = Q(0), Q(0)
@@ -585,6 +585,75 @@ def ssp_sampled_loop() -> list[Row]:
 def ssp_algebraic_loop() -> list[Row]:
     """a = b = 1/3."""
     return rows(grid(Q(1, 2), Q(1, 8)), lambda t: {"a.y": Q(1, 3), "b.y": Q(1, 3)}, Q(1, 10**6))
+
+
+@case("ssp_units")
+def ssp_units() -> list[Row]:
+    """The integrals of t and of 293.15 + 10 t, held."""
+    h, found = Q(1, 8), []
+    for t in grid(1, h):
+        metres, kelvin = (
+            (t * t / 2, h * t / 2 + rounding(8, 1)),
+            (Q(29315, 100) * t + 5 * t * t, 5 * h * t + rounding(8, 300)),
+        )
+        found.append((t, {"metres.y": metres, "kelvin.y": kelvin}))
+    return found
+
+
+@case("ssp_transformation")
+def ssp_transformation() -> list[Row]:
+    """The integral of 1/2 - 2 t, held."""
+    h, found = Q(1, 8), []
+    for t in grid(1, h):
+        extra = rounding(8, 1)
+        found.append((t, {"first.x": (t * t / 2, extra), "second.x_support": (t / 2 - t * t, h * t + extra)}))
+    return found
+
+
+@case("ssp_parameters")
+def ssp_parameters() -> list[Row]:
+    """x0 = 250 mm, v0 = 4 m/s / 2, a = 1 N / 2 kg."""
+    return rows(
+        grid(1, Q(1, 8)), lambda t: {"mass.x": Q(1, 4) + 2 * t + t * t / 4, "mass.v": 2 + t / 2}, rounding(8, 3)
+    )
+
+
+@case("ssp_nested")
+def ssp_nested() -> list[Row]:
+    """t^2/2 with both ways to hold, at this communication point or the one before."""
+    h, found = Q(1, 8), []
+    for t in grid(1, h):
+        extra, s = rounding(8, 1), max(t - h, Q(0))
+        y = between([(t * t + h * t) / 2, (s * s - h * s) / 2], extra)
+        found.append((t, {"first.x": (t * t / 2, extra), "sum.y": y}))
+    return found
+
+
+@case("ssp_many_instances")
+def ssp_many_instances() -> list[Row]:
+    """x = v0 t."""
+    return rows(grid(1, Q(1, 4)), lambda t: {f"m{k}.x": k * t for k in range(20)}, rounding(4, 20))
+
+
+@case("ssp_enumeration")
+def ssp_enumeration() -> list[Row]:
+    """y = 5 t, or 4 h less."""
+    h, found = Q(1, 4), []
+    for t in grid(1, h):
+        y = between([5 * t, 5 * t - 4 * h], rounding(4, 5)) if t else (Q(0), Q(0))
+        found.append((t, {"sink.y": y, "sink.mode_out": (5, 0) if t else BLANK}))
+    return found
+
+
+@case("fmi3_matrix")
+def fmi3_matrix() -> list[Row]:
+    """sin(2 pi t) + sin(6 pi t)/2."""
+    iv.prec = 100
+    found = []
+    for t in grid(1, Q(1, 8)):
+        angle = 2 * iv.pi * _interval(t)
+        found.append((t, {"r": enclosed(iv.sin(angle) + iv.sin(3 * angle) / 2, 64 * 20 * ULP)}))
+    return found
 
 
 if __name__ == "__main__":
