@@ -24,7 +24,7 @@ from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.check import RULES
 
 ROOT = Path(__file__).parents[2]
-PUBLIC = ("", ".study", ".lawkit.law", ".identification", ".conditions", ".doctor", ".check", ".codegen")
+PUBLIC = ("", ".study", ".lawkit.law", ".identification", ".conditions", ".check", ".codegen")
 PRINTED = {
     "models_compared": ["LuGre: 6.09 µm per cycle", "ElastoPlastic: 0.0 µm per cycle", "Dahl: 0 %"],
     "compensated_loop": ["13 conditions, 0 of them violated", "law.c"],

@@ -6,9 +6,8 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
 from robustness.cases import run_cases
-from thorough import nightly, some
+from thorough import nightly
 
 from friction_fmus import build
 
@@ -175,12 +174,11 @@ def test_system_files(tmp_path: Path) -> None:
     assert counts["sentences"] > 0.5 * len(cases)
 
 
-@pytest.mark.parametrize("command", some(["doctor", "sweep"], ["doctor"]))
-def test_other_commands_with_system_files(tmp_path: Path, command: str) -> None:
+def test_sweeps_of_system_files(tmp_path: Path) -> None:
     build("LuGre", tmp_path)
     (tmp_path / "record.csv").write_text("time [s],F [N]\n0,1\n2,1\n")
-    rest = {"doctor": [], "sweep": ["--vary", "mass.m=1,2", "--executor", "serial", "-o", "sweep"]}[command]
-    cases = [(label, "odd.toml", text, [command, "odd.toml", *rest]) for label, text in list(systems())[:: 9 * EVERY]]
+    sweep = ["sweep", "odd.toml", "--vary", "mass.m=1,2", "--executor", "serial", "-o", "sweep"]
+    cases = [(label, "odd.toml", text, sweep) for label, text in list(systems())[:: 9 * EVERY]]
     assert run_cases(tmp_path, cases)["sentences"] > 0.4 * len(cases)
 
 
