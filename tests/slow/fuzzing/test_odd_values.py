@@ -81,8 +81,6 @@ wires = {wires}
 [parts.mass]
 model = {mass}
 every = {every}
-isolate = {isolate}
-timeout = {timeout}
 start = {start}
 
 [parts.friction]
@@ -102,8 +100,6 @@ GOOD = {
     "manipulators": "",
     "mass": '"Mass"',
     "every": "1",
-    "isolate": "false",
-    "timeout": "5.0",
     "start": "{ m = 1.0, k = 2.0, v_support = 0.1 }",
     "friction": '"LuGre.fmu"',
     "record": '"record.csv"',
@@ -127,7 +123,7 @@ def manipulator(kind: str, changes: dict[str, str]) -> str:
 def systems() -> Iterator[tuple[str, str]]:
     """Label and text of each system file."""
     for odd, value in ODD.items():
-        for key in ("name", "wires", "mass", "every", "timeout", "isolate", "start", "friction", "record"):
+        for key in ("name", "wires", "mass", "every", "start", "friction", "record"):
             yield f"{key} = {odd}", SYSTEM.format(**GOOD | {key: value})
         for key in ("interpolation", "beyond"):
             yield f"{key} = {odd}", SYSTEM.format(**GOOD | {key: value})
@@ -156,8 +152,6 @@ def systems() -> Iterator[tuple[str, str]]:
     for label, key in {"control": '"a\\u001bb"', "long": "x" * 100_000, "empty": '""', "lines": '"a\\nb"'}.items():
         for table in ("parts", "parts.mass", "parts.friction.start", "experiment", "unknown"):
             yield f"a key of {table}: {label}", SYSTEM.format(**GOOD | {"tail": f"[{table}.{key}]\nmodel = 'Mass'"})
-    for odd in ("inf", "2^63 - 1", "denormal", "half"):
-        yield f"isolated, timeout = {odd}", SYSTEM.format(**GOOD | {"isolate": "true", "timeout": ODD[odd]})
     yield "a header with many parts", "[" + "a." * 100_000 + "a]\n"
     yield "a text that ends nowhere", 'name = """' + "x" * 100_000
     yield "too large", "# " + "x" * (1 << 23)
