@@ -174,7 +174,7 @@ def test_a_result_is_where_its_path_says(probe: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "friction_fmus", "run", "system.toml", "-o", "out.csv"]
     run = subprocess.run(command, capture_output=True, text=True, check=False, env=environment())
     assert run.returncode == 0
-    assert run.stdout == "out.csv: 11 rows of 4 variables\n"
+    assert run.stdout == "wrote out.csv: 4 variables, 11 time points (0 to 1 s)\n"
     assert (tmp_path / "out.csv").is_file()
     assert not Path("/out.csv").exists()
 
