@@ -30,6 +30,7 @@ _CALL = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, ctypes.c_double, ctypes.c_d
 _POINTER = ctypes.c_void_p
 _FREE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _POINTER)
 
+Ports = mirror("Ports")
 EnginePart = mirror("EnginePart")
 EngineData = mirror("Engine")
 
@@ -212,6 +213,12 @@ class Engine:
         part.do_step_3 = at.get("fmi3DoStep")
         part.input_references = keep(np.array(native.inputs, dtype=np.uint32))
         part.output_references = keep(np.array(native.outputs, dtype=np.uint32))
+        part.direct, ports = at.get("blockDirect"), part.ports
+        ports.input_references, ports.output_references = part.input_references, part.output_references
+        ports.sources = plan.sources.ctypes.data + plan.sources.itemsize * int(ranges[0].start)
+        ports.inputs, ports.outputs = part.inputs[0], part.outputs[0]
+        ports.reals, _, ports.flags = np.diff(part.inputs)
+        ports.out_reals, ports.out_counts, ports.out_flags = np.diff(part.outputs)
         size = max(len(inputs), len(outputs), 1)
         part.whole = keep(np.zeros(size, dtype=np.intc))
         part.orders = keep(np.ones(size, dtype=np.intc))
