@@ -1,19 +1,15 @@
-"""Roles of blocks in a loop, read from their files: expressions become functions, names of rules become rules."""
+"""Linear parts of servo and compensators, for margins and poles of their loop."""
 
 from collections.abc import Callable, Mapping
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Final, TypeVar
 
 import numpy as np
 from casadi import Function
 
-from friction_fmus.blocks.arithmetic import evaluate, is_known
-from friction_fmus.blocks.catalogue import about_of, listing
-from friction_fmus.blocks.loop_role import InLoop, Loop
+from friction_fmus.blocks.catalogue import listing
 from friction_fmus.conditions import SampledLaw
-from friction_fmus.doctor import rules
-from friction_fmus.doctor.examined_axis import Gains, LawProperties, Rule, Values
 from friction_fmus.errors import FrictionError, did_you_mean
 from friction_fmus.lawkit.law import Kind, Law
 from friction_fmus.lawkit.law_files import discover_laws
@@ -100,81 +96,14 @@ def local_function(p: Mapping[str, float], Ts: float) -> SampledLaw:
     return SampledLaw(A, B, p["gain"] * C, p["gain"] * w[0] * force_input)
 
 
+FILTERS: Final[Mapping[str, Callable[[Mapping[str, float], float], SampledLaw]]] = {"local_function": local_function}
+"""Linear parts that the file of a controller in C can name, see `Use.linear`."""
+
 Named = TypeVar("Named")
 
-RULES: Final[Mapping[str, Rule]] = {
-    "periods_contract": partial(rules.contracts, rules.windowed_sinc),
-    "trials_contract": partial(rules.contracts, rules.butterworth_there_and_back),
-    **{
-        rule.__name__: rule
-        for rule in (
-            rules.covers_friction,
-            rules.dithers,
-            rules.feeds_stiffness_back,
-            rules.follows_friction,
-            rules.injection_of_error,
-            rules.looks_ahead,
-            rules.pushes,
-        )
-    },
-}
-"""Rules that the file of a law or controller can name."""
 
-FILTERS: Final[Mapping[str, Callable[[Values, float], SampledLaw]]] = {"local_function": local_function}
-"""Filters that the file of a controller in C can name."""
-
-
-def known_blocks() -> dict[str, InLoop]:
-    """Return the role in a loop of each block of the catalogue that states one, by name."""
-    roles = {name: about_of(entry).in_loop for name, entry in listing().items()}
-    return {name: role for name, role in roles.items() if role.known}
-
-
-def law_of(name: str) -> LawProperties | None:
-    """Return the properties of a law or controller that the conditions need; None for other blocks."""
-    found = about_of(listing()[name]).in_loop.law if name in listing() else None
-    return None if found is None else _law(name, found)
-
-
-def _law(name: str, loop: Loop) -> LawProperties:
-    found = [_named(rule, RULES, f"the rule of {name}") for rule in loop.rules]
-    if loop.adapts:
-        found.insert(0, partial(rules.adapts, loop.adapts))
-    return LawProperties(
-        gains=partial(_gains, loop.gains) if loop.gains else None,
-        levels=loop.friction.levels if loop.friction is not None else None,
-        inertia=_function(loop.inertia),
-        linear=_linear(name, loop),
-        amplifies=_function(loop.amplifies),
-        rules=tuple(found),
-        measured=loop.measured,
-        at_rest=loop.at_rest,
-        estimates=loop.estimates,
-        hunts=loop.hunts,
-        shapes=loop.shapes,
-    )
-
-
-def _function(text: str) -> Callable[[Values], float] | None:
-    return (lambda values: float(evaluate(text, values))) if text else None
-
-
-def _gains(gains: Mapping[str, str], values: Values) -> Gains:
-    """Return the gains; a gain other than Kp and Kd is 0 if the FMU lacks its parameters."""
-    there = {key: text for key, text in gains.items() if key in ("Kp", "Kd") or is_known(text, values)}
-    return Gains(**{key: float(evaluate(text, values)) for key, text in there.items()})
-
-
-def _linear(name: str, loop: Loop) -> Callable[[Values, float], SampledLaw] | None:
-    if loop.filter:
-        return _named(loop.filter, FILTERS, f"the filter of {name}")
-    if loop.linear is None:
-        return None
-    fixed = loop.linear
-    return lambda values, Ts: linearised(name, {**values, **fixed}, Ts)
-
-
-def _named(name: str, known: Mapping[str, Named], what: str) -> Named:
+def named(name: str, known: Mapping[str, Named], row: str, block: str) -> Named:
+    """Return what a row in the file of a block names."""
     if name not in known:
-        raise FrictionError(f"There is no {name!r}, {what}{did_you_mean(name, known)}")
+        raise FrictionError(f"{row} of {block} names the unknown {name!r}{did_you_mean(name, known)}")
     return known[name]
