@@ -1,5 +1,5 @@
-/* An FMU of the reference set with what no block has: Integers, enumerations and strings, steps of which only a part is
-   done, an end before the stop time, an event with iterations, and messages. modelDescription.xml is Features.xml.
+/* An FMU of the reference set for features that the blocks lack: Integers, enumerations and strings, partial steps, an
+   end before the stop time, an event with iterations, and messages. modelDescription.xml is Features.xml.
 
        dy/dt = rate count mode (1 if flag, else -1) + u; y jumps by 1 in each of the three iterations at event_time
 

@@ -108,7 +108,8 @@ def stepping_order(parts: Mapping[str, Part], wires: Sequence[Wire]) -> list[str
     first = [name for name in lines if all(part.sampled and part.follows for part in fed[name])]
     sampled = [name for name, part in parts.items() if part.sampled]
     continuous = [name for name, part in parts.items() if not part.sampled and name not in first]
-    return first + _sort(parts, wires, sampled) + _sort(parts, [wire for wire in wires if not _jumps(parts, wire)], continuous)
+    last = _sort(parts, [wire for wire in wires if not _jumps(parts, wire)], continuous)
+    return first + _sort(parts, wires, sampled) + last
 
 
 def is_held_source(part: Part) -> bool:
