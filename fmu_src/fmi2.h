@@ -197,18 +197,22 @@ static bool advance(Model *m, double t, double h)
     follow_time(m, t);
     if ((h - m->run.rest) / m->Ts > MOST_TRIES)
         return false;
-    const Model begin = *m;
-    for (const double last = h - sample_slack(m); m->run.rest < last; m->run.rest += m->Ts) {
+    const double last = h - sample_slack(m);
+    double begin[INPUTS + 1];
+    const bool due = m->run.rest < last;
+    for (int i = 0; due && i < INPUTS; i++)
+        begin[i] = *value_of(m, inputs[i]);
+    for (; m->run.rest < last; m->run.rest += m->Ts) {
         const double passed = m->run.rest > 0.0 ? m->run.rest : 0.0;
         for (int i = 0; i < INPUTS; i++)
-            *value_of(m, inputs[i]) = ((const double *)(const void *)&begin)[inputs[i]] + begin.slope[i] * passed;
+            *value_of(m, inputs[i]) = begin[i] + m->slope[i] * passed;
         m->time = next_sample(m);
         take_sample(m);
         m->run.tick++;
     }
     m->run.rest -= h;
     for (int i = 0; i < INPUTS; i++)
-        *value_of(m, inputs[i]) = ((const double *)(const void *)&begin)[inputs[i]] + begin.slope[i] * h;
+        *value_of(m, inputs[i]) = (due ? begin[i] : *value_of(m, inputs[i])) + m->slope[i] * h;
     return true;
 }
 #else
@@ -272,6 +276,47 @@ static fmi2Status warned(Instance *c, double t)
     return fmi2OK;
 }
 
+static const char *violated_relation(Instance *c)
+{
+    const char *const relation = c->model.run.stale ? violated(&c->model) : NULL;
+    if (relation) {
+        MODE(c) = STEP_FAILED;
+        (void)report(c, fmi2Discard, LOG_DISCARD, "fmi2DoStep: the parameters of \"%s\" must satisfy %s", c->name,
+                     relation);
+    }
+    return relation;
+}
+
+static bool take_step(Model *m, double t, double h)
+{
+    if (m->run.slopes_used)
+        memset(m->slope, 0, sizeof m->slope);
+    const bool done = advance(m, t, h);
+    m->time = t + h;
+    return done;
+}
+
+static fmi2Status accept_step(Instance *c, double t, double h)
+{
+    Model *const m = &c->model;
+    m->run.stale = false;
+    m->run.slopes_used = true;
+    m->run.last_step = h;
+    m->run.drift += DBL_EPSILON * fabs(m->time);
+    return warned(c, t);
+}
+
+/* Report why a step failed. */
+static fmi2Status refuse_step(Instance *c, double t, double h, bool done, bool too_much)
+{
+    const char *const undone =
+        too_much ? "exceeds the limit of work in one communication step; use shorter steps" : UNDONE;
+    MODE(c) = STEP_FAILED;
+    return report(c, fmi2Discard, LOG_DISCARD,
+                  "fmi2DoStep: the step from %.17g s over %g s %s; the state at its start is kept", t, h,
+                  done ? "leads to a value that is not finite" : undone);
+}
+
 fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boolean keeps_no_state)
 {
     (void)keeps_no_state;
@@ -285,37 +330,21 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
             m->time)
     REQUIRE(t + h <= m->run.stop + slack + m->run.drift,
             "fmi2DoStep: the step to %.17g s exceeds the stop time %.17g s", t + h, m->run.stop)
-
-    const char *const relation = m->run.stale ? violated(m) : NULL;
-    if (relation) {
-        MODE(c) = STEP_FAILED;
-        return report(c, fmi2Discard, LOG_DISCARD, "fmi2DoStep: the parameters of \"%s\" must satisfy %s", c->name,
-                      relation);
-    }
-
+    if (violated_relation(c))
+        return fmi2Discard;
     keep(c);
-    if (m->run.slopes_used)
-        memset(m->slope, 0, sizeof m->slope);
-    const bool done = advance(m, t, h);
-    m->time = t + h;
-    if (!done || !results_finite(m)) {
-        const char *const undone =
-            m->run.too_much ? "exceeds the limit of work in one communication step; use shorter steps" : UNDONE;
-        roll_back(c);
-        MODE(c) = STEP_FAILED;
-        return report(c, fmi2Discard, LOG_DISCARD,
-                      "fmi2DoStep: the step from %.17g s over %g s %s; the state at its start is kept", t, h,
-                      done ? "leads to a value that is not finite" : undone);
-    }
-    m->run.stale = false;
-    m->run.slopes_used = true;
-    m->run.last_step = h;
-    m->run.drift += DBL_EPSILON * fabs(m->time);
-    return warned(c, t);
+    const bool done = take_step(m, t, h);
+    if (done && results_finite(m))
+        return accept_step(c, t, h);
+    const bool too_much = m->run.too_much;
+    roll_back(c);
+    return refuse_step(c, t, h, done, too_much);
 }
 
 #ifndef NO_EXCHANGE
 #include "fmi2_exchange.h"
 #endif
+
+#include "fmi2_direct.h"
 
 #endif

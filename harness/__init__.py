@@ -31,6 +31,7 @@ from harness.masters import masters
 from harness.plot import plot
 
 if TYPE_CHECKING:
+    from harness.batch import Batch
     from harness.engine.algorithm import Progress, Tap
     from harness.engine.drive import Drive
     from harness.parts.archive import open_archive
@@ -53,6 +54,7 @@ else:
 __all__ = [
     "AlgebraicLoopError",
     "BaseUnit",
+    "Batch",
     "Bias",
     "CallablePart",
     "Calls",

@@ -197,6 +197,19 @@ static void wire_parts(Instance *c)
                 p->get[type] = data->series ? get_series : type == REAL ? get_inputs : get_whole_inputs;
             continue;
         }
+        p->direct = data->functions->direct ? data->functions->direct() : NULL;
+        if (p->direct && p->direct->version != DIRECT_VERSION)
+            p->direct = NULL;
+        p->ports = (Ports){p->input_references,
+                           p->output_references,
+                           source_of + p->inputs[REAL],
+                           p->inputs[REAL],
+                           p->outputs[REAL],
+                           count_of(p->inputs, REAL),
+                           count_of(p->inputs, BOOLEAN),
+                           count_of(p->outputs, REAL),
+                           count_of(p->outputs, INTEGER),
+                           count_of(p->outputs, BOOLEAN)};
         memcpy(p->set, data->functions->set, sizeof p->set);
         memcpy(p->get, data->functions->get, sizeof p->get);
         p->do_step = data->functions->do_step;
@@ -381,7 +394,7 @@ static bool keep_all(Instance *c)
 {
     c->backup = c->memory;
     for (int64_t i = 0; i < PARTS; i++)
-        if (is_fmu(i) && c->parts[i].get_state(c->parts[i].component, &c->backups[i]) > 1)
+        if (is_fmu(i) && save_to(&c->parts[i], &c->backups[i]) > 1)
             return false;
     return true;
 }
@@ -391,7 +404,7 @@ static bool roll_back_all(Instance *c)
     bool good = true;
     c->memory = c->backup;
     for (int64_t i = 0; i < PARTS; i++)
-        if (is_fmu(i) && c->parts[i].set_state(c->parts[i].component, c->backups[i]) > 1)
+        if (is_fmu(i) && restore_from(&c->parts[i], c->backups[i]) > 1)
             good = false;
     return good;
 }
@@ -1175,7 +1188,7 @@ static bool keep_span(Instance *c)
     const double start = c->engine.time;
     m->side = !m->side;
     for (int64_t i = 0; i < PARTS; i++)
-        if (moves_inside(i) && c->parts[i].get_state(c->parts[i].component, &c->ticks[m->side][i]) > 1)
+        if (moves_inside(i) && save_to(&c->parts[i], &c->ticks[m->side][i]) > 1)
             return failed(&c->engine, i, SAVE, 2, m->time);
     memcpy(m->begun_signals, m->signals, sizeof m->signals);
     for (int i = 0; i < INPUTS; i++) {
@@ -1202,7 +1215,7 @@ static bool return_to_span(Instance *c)
 {
     Memory *const m = &c->memory;
     for (int64_t i = 0; i < PARTS; i++)
-        if (moves_inside(i) && c->parts[i].set_state(c->parts[i].component, c->ticks[m->side][i]) > 1)
+        if (moves_inside(i) && restore_from(&c->parts[i], c->ticks[m->side][i]) > 1)
             return failed(&c->engine, i, RESTORE, 2, m->time);
     memcpy(m->signals, m->begun_signals, sizeof m->signals);
     m->begun = c->engine.time;

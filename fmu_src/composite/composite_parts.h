@@ -52,6 +52,7 @@ typedef struct {
     GetState *get_state;
     SetState *set_state;
     SetSlopes *set_slopes;
+    DirectCalls *direct; /* NULL: a part of another tool */
 } PartFunctions;
 
 typedef struct {
@@ -61,6 +62,7 @@ typedef struct {
 /* Declare the functions of an FMU, and those with the types of the engine. */
 #define PART_FUNCTIONS(prefix)                                                                                         \
     EVERY_FUNCTION(DECLARATION, prefix)                                                                                \
+    DirectCalls prefix##blockDirect;                                                                                   \
     EXCHANGES(prefix, Real)                                                                                            \
     EXCHANGES(prefix, Integer)                                                                                         \
     EXCHANGES(prefix, Boolean)                                                                                         \
@@ -98,14 +100,15 @@ typedef struct {
         return (int)prefix##fmi2Get##KIND(component, references, n, values);                                           \
     }
 
-/* The initializer of PartFunctions. */
-#define FUNCTIONS_OF(prefix, guid_text)                                                                                \
+/* The initializer of PartFunctions; `calls`: the function blockDirect, or NULL. */
+#define FUNCTIONS_OF(prefix, guid_text, calls)                                                                         \
     {.guid = guid_text,                                                                                                \
      .set = {prefix##set_Real, prefix##set_Integer, prefix##set_Boolean},                                              \
      .get = {prefix##get_Real, prefix##get_Integer, prefix##get_Boolean},                                              \
      .do_step = prefix##do_step,                                                                                       \
      .get_state = prefix##get_state,                                                                                   \
      .set_state = prefix##set_state,                                                                                   \
+     .direct = calls,                                                                                                  \
      .set_slopes = prefix##set_slopes,                                                                                 \
      EVERY_FUNCTION(ADDRESS, prefix)}
 

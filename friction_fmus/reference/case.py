@@ -1,8 +1,8 @@
-"""Cases of the reference set: ``case.toml`` in a folder of `CASES` or of a built set."""
+"""Cases of the reference set: ``case.toml`` in a folder of `CASES` or of a built set, see docs/reference-set.md."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -12,23 +12,20 @@ from cattrs import Converter, transform_error
 from friction_fmus.errors import FrictionError
 from harness.storage.toml_file import read_table
 
-CASES: Final = Path(__file__).parent / "cases"
-"""Folder of the cases in this package, without their FMUs."""
+CASES: Final = Path(__file__).parent / "cases"  # the cases of this package, without their FMUs
 
-REFERENCE: Final = "reference.csv"
-BOUND: Final = "bound.csv"
-"""Files of a case: the reference results, and the largest deviation from each that a right tool can have."""
+REFERENCE, BOUND, INPUTS = "reference.csv", "bound.csv", "inputs.csv"  # results, their bounds, inputs over time
 
 
 @dataclass(frozen=True)
 class CaseFmu:
-    """An FMU of a case."""
+    """How an FMU of a case is built."""
 
-    block: str  # name of a block, or a C file of `fmu_src/reference`
+    block: str  # name of a block, a system file of the case, or a C file of `fmu_src/reference` without suffix
     start: dict[str, Any] = field(default_factory=dict)  # start values that are built into the FMU
-    options: dict[str, Any] = field(default_factory=dict)  # options of the target
-    domain: Literal["translational", "rotational"] = "translational"
-    interface: Literal["", "cs", "me", "both"] = ""  # of the FMU; "": the one that the case uses
+    options: dict[str, Any] = field(default_factory=dict)  # other arguments of `friction_fmus.build`
+    interface: Literal["", "cs", "me", "both"] = ""  # interfaces that it offers; "": the one that the case uses
+    replaced: dict[str, str] = field(default_factory=dict)  # texts in modelDescription.xml, and those in their place
 
 
 @dataclass(frozen=True)
@@ -43,40 +40,7 @@ class CaseExperiment:
 
 @dataclass(frozen=True)
 class ReferenceCase:
-    """One case.
-
-    Attributes
-    ----------
-    title, tests : str
-        What the case is about, and what a right tool does.
-    standard : list of str
-        Paragraphs of the standards that say so.
-    fmi, kind : str
-        Version, and the interface that is used: co-simulation, model exchange, or a system of FMUs as SSP.
-    bound : str
-        How reference values and bounds were obtained.
-    fmus : mapping of str to CaseFmu
-        The FMU, or the FMUs of the system by the names of their files without suffix.
-    experiment : CaseExperiment
-        Times of the run.
-    outputs : list of str
-        Recorded variables: the columns of the results after the time.
-    start : mapping of str to value
-        Start values that the tool sets before the initialization.
-    inputs : bool
-        Whether ``inputs.csv`` has inputs over the time, linear between rows. Two rows with one time are a jump, and
-        inputs that are not Real keep their value from row to row.
-    connections : list of str
-        Connections ``"a.y -> b.u"`` of a system.
-    call : list of mapping
-        Calls of the tool's interface in their order, in place of a run from start to stop, see docs/reference-set.md.
-    faults : list of str
-        Faults of importers that the case finds.
-    needs : list of str
-        What only some tools have. A tool without one of them does not support the case.
-    may_refuse : bool
-        Whether a tool that ends with an error passes.
-    """
+    """One case; the attributes are the entries of its file."""
 
     folder: Path
     title: str
@@ -95,10 +59,11 @@ class ReferenceCase:
     faults: list[str] = field(default_factory=list)
     needs: list[str] = field(default_factory=list)
     may_refuse: bool = False
+    time_limit: float = 10.0
 
     @property
     def name(self) -> str:
-        """Name of the folder."""
+        """Name of its folder."""
         return self.folder.name
 
     @property
@@ -107,46 +72,29 @@ class ReferenceCase:
         return self.folder / (f"{self.name}.ssp" if self.kind == "ssp" else f"{next(iter(self.fmus))}.fmu")
 
     @property
-    def all_needs(self) -> frozenset[str]:
+    def all_needs(self) -> list[str]:
         """Everything that a tool must have: what the case states, and what follows from its other entries."""
-        found = {"start": self.start, "inputs": self.inputs, "call": self.call, "fmi3": self.fmi == "3.0"}
-        return frozenset({*self.needs, self.kind, *(name for name, used in found.items() if used)})
+        used = {"start": self.start and self.kind != "ssp", "inputs": self.inputs, "call": self.call}
+        three = {"fmi3": self.fmi == "3.0", f"fmi3-{self.kind}": self.fmi == "3.0"}
+        return sorted({self.kind, *self.needs, *(name for name, entries in {**used, **three}.items() if entries)})
 
 
-_CONVERTER: Final = Converter(forbid_extra_keys=True)
-_CONVERTER.register_structure_hook(float, lambda value, _: _number(value))
-_CONVERTER.register_structure_hook(str, lambda value, _: _text(value))
-
-
-def _number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise TypeError(f"{value!r} is not a number")
-    return float(value)
-
-
-def _text(value: object) -> str:
-    if not isinstance(value, str):
-        raise TypeError(f"{value!r} is not a text")
-    return value
+def read_cases(folder: Path, names: Sequence[str] | None = None) -> list[ReferenceCase]:
+    """Return the cases in a folder, or those with the names."""
+    known = sorted(path.parent.name for path in folder.glob("*/case.toml"))
+    if not known:
+        raise FrictionError(f"{folder} has no cases: build them with `friction-fmus reference build -o {folder}`")
+    for name in names or ():
+        if name not in known:
+            raise FrictionError(f"{folder} has no case {name!r}: give one of {', '.join(known)}")
+    return [read_case(folder / name) for name in names or known]
 
 
 def read_case(folder: Path) -> ReferenceCase:
     """Read a case."""
     file = folder / "case.toml"
-    content: Mapping[str, Any] = read_table(file, FrictionError).content
+    content = read_table(file, FrictionError).content
     try:
-        return _CONVERTER.structure({**content, "folder": folder}, ReferenceCase)
+        return Converter(forbid_extra_keys=True).structure({**content, "folder": folder}, ReferenceCase)
     except Exception as error:  # cattrs collects errors of many kinds
         raise FrictionError(f"{file} is not a case: {'; '.join(transform_error(error, path=''))}") from error
-
-
-def read_cases(folder: Path, names: list[str] | None = None) -> list[ReferenceCase]:
-    """Return the cases in a folder by name, or those with the names."""
-    found = sorted(path.parent for path in folder.glob("*/case.toml"))
-    known = [path.name for path in found]
-    for name in names or ():
-        if name not in known:
-            raise FrictionError(f"{folder} has no case {name!r}: give one of {', '.join(known)}")
-    if not found:
-        raise FrictionError(f"{folder} has no cases: build them with `friction-fmus reference build -o {folder}`")
-    return [read_case(path) for path in found if not names or path.name in names]

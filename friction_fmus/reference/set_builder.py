@@ -3,152 +3,106 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final
 from zipfile import ZipFile
 
+from jinja2 import Template
 from lxml import etree
 
-from friction_fmus.blocks.catalogue import source_folder
-from friction_fmus.export.block_fmu import build as build_fmu
-from friction_fmus.reference.case import BOUND, REFERENCE, CaseFmu, ReferenceCase
+from friction_fmus.blocks.catalogue import licence_text, source_folder
+from friction_fmus.export.block_fmu import build
+from friction_fmus.export.targets import write_file
+from friction_fmus.reference.case import BOUND, INPUTS, REFERENCE, CaseFmu, ReferenceCase
 from harness import Experiment, FmuPart, System
+from harness.compiling.platforms import compiled, select
 from harness.ssp.package import write_package
-from harness.storage.files import ScratchFolder, atomic_path, make_folder
+from harness.storage.files import ScratchFolder, make_folder
 from harness.storage.zip_file import zipped
 
-_MANIFEST: Final = "extra/org.fmi-standard.fmi-ls-ref/"
-_ROLES: Final = {"case.toml": "testcase", "inputs.csv": "other", REFERENCE: "result", BOUND: "result"}
-_MEMBERS: Final = {".ssd", ".ssv", ".ssm"}  # files of a case that belong into its SSP
+RELATED: Final = "extra/org.fmi-standard.fmi-ls-ref"  # folder in an FMU of the draft of FMI-LS-REF
 
 
 def build_case(case: ReferenceCase, folder: Path, platforms: Sequence[str] = ("native",)) -> Path:
-    """Build one case in a folder of its name.
-
-    Parameters
-    ----------
-    case : ReferenceCase
-        A case of `CASES`.
-    folder : Path
-        Folder of the set.
-    platforms : sequence of str
-        Platforms of the binaries, see `friction_fmus.build`.
-
-    Returns
-    -------
-    Path
-        The folder of the case.
-    """
+    """Build a case of this package in a folder, and return the folder of the case."""
     target = folder / case.name
     make_folder(target)
-    members: dict[str, bytes | Path] = {}
+    members: dict[str, bytes | Path] = {}  # of the SSP
     for file in sorted(case.folder.iterdir()):
-        if file.suffix in _MEMBERS:
+        if file.suffix in (".ssd", ".ssv", ".ssm"):
             members[file.name] = file
-        elif file.is_file():
+        else:
             shutil.copyfile(file, target / file.name)
     with ScratchFolder() as scratch:
-        made = {name: _fmu(case, name, fmu, Path(scratch), platforms) for name, fmu in case.fmus.items()}
-        if case.kind != "ssp":
-            for name, path in made.items():
-                shutil.copyfile(path, target / f"{name}.fmu")
-        elif members:
-            resources = {f"resources/{name}.fmu": path for name, path in made.items()}
-            write_package(target / f"{case.name}.ssp", {**members, **resources})
-        else:
-            _write_ssp(case, made, target / f"{case.name}.ssp")
-    with atomic_path(target / "README.md") as temporary:
-        temporary.write_text(page(case), encoding="utf-8")
+        for name, fmu in case.fmus.items():
+            path = _fmu(case, name, fmu, Path(scratch), platforms)
+            if case.kind == "ssp":
+                members[f"resources/{name}.fmu"] = path
+            else:
+                shutil.copyfile(path, target / path.name)
+        if case.kind == "ssp" and "SystemStructure.ssd" in members:
+            write_package(target / case.file.name, members)
+        elif case.kind == "ssp":
+            parts = [FmuPart(name, Path(scratch) / f"{name}.fmu") for name in case.fmus]
+            experiment = Experiment(**vars(case.experiment))
+            with System(parts, case.connections, start=case.start, experiment=experiment) as system:
+                system.to_ssp(target / case.file.name)
+    write_file(_filled("case_page", case), target / "README.md")
     return target
 
 
 def _fmu(case: ReferenceCase, name: str, fmu: CaseFmu, scratch: Path, platforms: Sequence[str]) -> Path:
-    """Return an FMU of the case with the interface that the case uses, and with the files of the case."""
-    fmi: Literal[2, 3] = 3 if case.fmi == "3.0" else 2
+    """Build an FMU with the interface that the case uses, and with the files of the case."""
+    path = scratch / f"{name}.fmu"
+    given: dict[str, Any] = {"platforms": platforms, "fmi": int(case.fmi[0]), **fmu.options}
     if fmu.block.endswith(".toml"):
-        path = scratch / f"{name}.fmu"
         with System.from_toml(case.folder / fmu.block, open_inputs=True) as system:
-            system.to_fmu(path, name=name, platforms=platforms, fmi=fmi, **fmu.options)
+            system.to_fmu(path, name=name, **given)
+        members = _members(path)
+    elif (source_folder() / "reference" / f"{fmu.block}.c").is_file():
+        members = _special(fmu.block, platforms)
     else:
-        special = source_folder() / "reference" / f"{fmu.block}.c"
-        model = special if special.is_file() else fmu.block
-        given = {"domain": fmu.domain, "platforms": platforms, "fmi": fmi, **fmu.options}
-        path = build_fmu(model, scratch, fmu.start, name, **given)
-    with ZipFile(path) as archive:
-        members = {each: archive.read(each) for each in archive.namelist()}
+        build(fmu.block, scratch, fmu.start, name, **given)
+        members = _members(path)
+    for old, new in fmu.replaced.items():
+        members["modelDescription.xml"] = members["modelDescription.xml"].replace(old.encode(), new.encode())
     root = etree.fromstring(members["modelDescription.xml"])
-    dropped = {"cs": "ModelExchange", "me": "CoSimulation", "both": ""}[fmu.interface or _interface(case)]
-    for element in root.findall(dropped) if dropped else ():
+    offered = fmu.interface or ("me" if case.kind == "me" else "cs")
+    for element in root.findall({"cs": "ModelExchange", "me": "CoSimulation", "both": "None"}[offered]):
         root.remove(element)
-    if root.find("ModelExchange") is None:
-        for element in root.iterfind("ModelVariables//*[@reinit]"):
-            del element.attrib["reinit"]
-    made = str(root.get("generationDateAndTime"))
+    if offered == "cs":
+        etree.strip_attributes(root, "reinit")
     members["modelDescription.xml"] = etree.tostring(root, xml_declaration=True, encoding="UTF-8")
     if case.kind != "ssp":
-        members |= {f"{_MANIFEST}{file}": content for file, content in _related(case)}
-    path.write_bytes(zipped(members, made))
+        members[f"{RELATED}/fmi-ls-manifest.xml"] = _filled("fmi-ls-manifest", case)
+        files = ("case.toml", REFERENCE, BOUND, *([INPUTS] if case.inputs else ()))
+        members |= {f"{RELATED}/{file}": (case.folder / file).read_bytes() for file in files}
+    path.write_bytes(zipped(members, str(root.get("generationDateAndTime"))))
     return path
 
 
-def _interface(case: ReferenceCase) -> str:
-    return "me" if case.kind == "me" else "cs"
+def _members(path: Path) -> dict[str, bytes]:
+    with ZipFile(path) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
 
 
-def _related(case: ReferenceCase) -> Iterator[tuple[str, bytes]]:
-    """Yield the files of the case as the draft of FMI-LS-REF places them, and their manifest."""
-    space = "http://fmi-standard.org/fmi-ls-manifest"
-    root = etree.Element("fmiReferences", nsmap={"fmi-ls": space})
-    root.set(f"{{{space}}}fmi-ls-name", "org.fmi-standard.fmi-ls-ref")
-    root.set(f"{{{space}}}fmi-ls-version", "1.0.0-alpha.1")
-    text = "Layered Standard providing information on related files included in an FMU."
-    root.set(f"{{{space}}}fmi-ls-description", text)
-    for name, role in _ROLES.items():
-        if (file := case.folder / name).is_file():
-            kind = "text/csv" if file.suffix == ".csv" else "application/toml"
-            etree.SubElement(root, "Related", type=kind, source=name, role=role, description=case.title)
-            yield name, file.read_bytes()
-    yield "fmi-ls-manifest.xml", etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
-
-
-def _write_ssp(case: ReferenceCase, made: dict[str, Path], path: Path) -> None:
-    """Write the system of the case as SSP."""
-    times = case.experiment
-    experiment = Experiment(start=times.start, stop=times.stop, step=times.step, tolerance=times.tolerance)
-    parts = [FmuPart(name, file) for name, file in made.items()]
-    with System(parts, case.connections, start=case.start, experiment=experiment) as system:
-        system.to_ssp(path)
-
-
-def page(case: ReferenceCase) -> str:
-    """Return the page of a case in Markdown."""
-    times = case.experiment
-    run = f"from {times.start:g} s to {times.stop:g} s, step {times.step:g} s, tolerance {times.tolerance:g}"
-    lines = {
-        "The standard": "; ".join(case.standard),
-        "Run": f"{_KINDS[case.kind]}, FMI {case.fmi}, {run}; `{case.file.name}`",
-        "Set before the start": ", ".join(f"`{name}` = {value}" for name, value in case.start.items()),
-        "Inputs": "`inputs.csv`" * case.inputs,
-        "Connections": ", ".join(f"`{each}`" for each in case.connections),
-        "Calls": ", ".join(f"`{each['do']}`" for each in case.call),
-        "Results": f"{', '.join(f'`{name}`' for name in case.outputs)}, with bounds in `{BOUND}`",
-        "Needs": ", ".join(sorted(case.all_needs)),
-        "Finds the faults": ", ".join(case.faults),
+def _special(name: str, platforms: Sequence[str]) -> dict[str, bytes]:
+    """Return the files of an FMU that is no block."""
+    file = source_folder() / "reference" / f"{name}.c"
+    source = file.read_text(encoding="utf-8")
+    places = {f"binaries/{each.folder}/{name}{each.suffix}": each for each in select(tuple(platforms))}
+    members = {place: compiled(platform, {file.name: source}, name) for place, platform in places.items()}
+    return {
+        "modelDescription.xml": file.with_suffix(".xml").read_bytes(),
+        f"sources/{file.name}": source.encode(),
+        "documentation/licenses/license.txt": licence_text().encode(),
+        **members,
     }
-    table = "\n".join(f"* {name}: {text}." for name, text in lines.items() if text)
-    return f"# {case.title}\n\n{case.tests}\n\n{table}\n\n## Reference values and bounds\n\n{case.bound}\n"
 
 
-_KINDS: Final = {"cs": "Co-simulation", "me": "Model exchange", "ssp": "System"}
-
-
-def build_set(
-    cases: Sequence[ReferenceCase],
-    folder: Path,
-    platforms: Sequence[str] = ("native",),
-    done: Callable[[Path], None] = lambda path: None,
-) -> None:
-    """Build cases in a folder, and call ``done`` with the folder of each."""
-    for case in cases:
-        done(build_case(case, folder, platforms))
+def _filled(template: str, case: ReferenceCase) -> bytes:
+    """Return a text of this package, filled for a case."""
+    text = (Path(__file__).parent / f"{template}.template").read_text(encoding="utf-8")
+    filled = Template(text, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
+    return str(filled.render(case=case)).encode()

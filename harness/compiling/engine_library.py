@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.compiling.platforms import NATIVE, missing_bytes, native_library
+from harness.compiling.toolchain import source_folder
 
 _POINTER, _INT = ctypes.c_void_p, ctypes.c_int64
 _NUMBERS = ctypes.POINTER(ctypes.c_double)
@@ -28,6 +29,9 @@ def library() -> ctypes.CDLL:
     engine.engine_run.restype = _INT
     engine.engine_run.argtypes = (_POINTER, _INT, _INT)
     engine.engine_drive.restype = _INT
+    engine.engine_batch.restype = _INT
+    engine.engine_batch.argtypes = (_POINTER, _POINTER, _INT, _INT)
+    engine.engine_inert.restype = _POINTER
     engine.engine_float_control.restype = ctypes.c_uint32
     engine.engine_set_float_control.argtypes = (ctypes.c_uint32,)
     engine.engine_drive.argtypes = (_POINTER, _INT)
@@ -59,7 +63,7 @@ def sources() -> dict[str, str]:
     """Return the text of each of the engine's C files."""
     folder = Path(__file__).parents[1] / "engine"
     masters = sorted((folder.parent / "masters").glob("*.h"))
-    files = (*folder.glob("*.h"), *folder.glob("*.c"), *masters)
+    files = (*folder.glob("*.h"), *folder.glob("*.c"), *masters, source_folder() / "direct.h")
     texts = {path.name: path.read_text(encoding="utf-8") for path in sorted(files)}
     generated = {"masters.h": "".join(f'#include "{path.name}"\n' for path in masters)}
     return texts | generated | {"mirrors.h": _layouts("\n".join(texts.values()))}
@@ -104,7 +108,7 @@ def _fields(body: str) -> list[tuple[str, Any]]:
 @cache
 def _structs() -> dict[str, str]:
     folder = Path(__file__).parents[1]
-    paths = (*folder.glob("engine/*.h"), *folder.glob("masters/*.h"))
+    paths = (*folder.glob("engine/*.h"), *folder.glob("masters/*.h"), source_folder() / "direct.h")
     return _bodies("\n".join(path.read_text(encoding="utf-8") for path in paths))
 
 

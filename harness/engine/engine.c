@@ -2,6 +2,7 @@
    the coupling error of held values. */
 
 #include "engine.h"
+#include "batch.h"
 #include "defect.h"
 #include "drive.h"
 #include "floats.h"
@@ -15,14 +16,18 @@
 /* Status: a part has changed the floating-point control. */
 enum { FLOATS_CHANGED = 102 };
 
+MIRRORED(Batch)
 MIRRORED(Clock3)
 MIRRORED(Defect)
+MIRRORED(Direct)
 MIRRORED(Engine)
 MIRRORED(EnginePart)
 MIRRORED(Fmi3)
 MIRRORED(Line)
 MIRRORED(Manipulator)
 MIRRORED(Pair)
+MIRRORED(Piece)
+MIRRORED(Ports)
 MIRRORED(State3)
 MIRRORED(Variable3)
 
@@ -32,64 +37,6 @@ EXPORT int64_t fixed_point_work(int64_t n);
 
 EXPORT int64_t fixed_point_work(int64_t n) { return FIXED_POINT_WORK(n); }
 
-/* Data to set, step and read one part in a single pass, stored contiguously. Only for FMUs that exchange Reals only and
-   are stepped at every tick. */
-typedef struct {
-    EnginePart *part;
-    const uint32_t *input_references, *output_references;
-    double *inputs, *outputs;
-    const int64_t *sources;
-    int64_t input_count, output_count, number;
-} Turn;
-
-enum { MOST_TURNS = 16 };
-
-/* Fill in the turns of a tick and return their number, if the program handles one part after the other (Gauss-Seidel)
-   and all parts are such FMUs; else return 0. Selecting and checking each operation separately takes 7 ns more per
-   part. */
-static int64_t turns_of(const Engine *e, Turn *turns)
-{
-    const int64_t count = e->program_length / 3;
-    if (e->program_length % 3 != 0 || count > MOST_TURNS || e->gains != NULL || e->lines != NULL)
-        return 0;
-    for (int64_t i = 0; i < count; i++) {
-        const int64_t *const operations = e->program + 6 * i, part = operations[1];
-        EnginePart *const p = &e->parts[part];
-        if (operations[0] != SET || operations[2] != STEP || operations[4] != GET || operations[3] != part ||
-            operations[5] != part || p->call || p->every > 1 || p->inputs[INTEGER] < p->inputs[TYPES] ||
-            p->outputs[INTEGER] < p->outputs[TYPES])
-            return 0;
-        turns[i] = (Turn){p,
-                          p->input_references,
-                          p->output_references,
-                          e->signals + p->inputs[REAL],
-                          e->signals + p->outputs[REAL],
-                          e->sources + p->inputs[REAL],
-                          count_of(p->inputs, REAL),
-                          count_of(p->outputs, REAL),
-                          part};
-    }
-    return count;
-}
-
-static inline bool take_turn(Engine *e, const Turn *p, double t)
-{
-    for (int64_t i = 0; i < p->input_count; i++)
-        p->inputs[i] = e->signals[p->sources[i]];
-    int operation = SET, status = 0;
-    if (p->input_count > 0)
-        status = set_reals(p->part, p->input_references, (size_t)p->input_count, p->inputs);
-    if (status <= 1) {
-        operation = STEP;
-        status = step_fmu(p->part, t, e->step);
-    }
-    if (status <= 1 && p->output_count > 0) {
-        operation = GET;
-        status = get_reals(p->part, p->output_references, (size_t)p->output_count, p->outputs);
-    }
-    return status <= 1 || failed(e, p->number, operation, status, t);
-}
-
 static void record(Engine *e)
 {
     double *const row = e->rows + e->filled * e->width;
@@ -98,15 +45,50 @@ static void record(Engine *e)
     e->filled++;
 }
 
-/* Run the ticks from, ..., to - 1. Return the first tick that was not completed, or `to` if all were. */
-static int64_t run_ticks(Engine *e, const Turn *turns, int64_t turn_count, int64_t from, int64_t to)
+/* Return whether the program handles one part after the other (Gauss-Seidel), and all of them have direct calls. */
+static bool takes_turns(const Engine *e)
 {
+    bool all = e->program_length > 0 && e->program_length % 3 == 0 && e->gains == NULL && e->lines == NULL;
+    for (int64_t i = 0; all && i < e->program_length / 3; i++) {
+        const int64_t *const operations = e->program + 6 * i, part = operations[1];
+        all = operations[0] == SET && operations[2] == STEP && operations[4] == GET && operations[3] == part &&
+              operations[5] == part && e->parts[part].direct && e->parts[part].every == 1;
+    }
+    return all;
+}
+
+/* Let all parts take their turns, and check the results then, in the same order: a check waits for values that have
+   just been written. */
+static bool take_turns(Engine *e, double t)
+{
+    int64_t taken = 0;
+    bool done = true;
+    for (; done && 3 * taken < e->program_length; taken++) {
+        const EnginePart *const p = &e->parts[e->program[6 * taken + 1]];
+        done = p->direct->turn(p->component, &p->ports, e->signals, t, e->step);
+    }
+    for (int64_t i = 0; i < taken; i++) {
+        const int64_t part = e->program[6 * i + 1];
+        EnginePart *const p = &e->parts[part];
+        int operation = STEP,
+            status = p->direct->verify(p->component, &p->ports, e->signals, t, e->step, done || i + 1 < taken);
+        if (status == NOT_DIRECT) {
+            operation = SET;
+            status = hand_over(p, e->signals);
+        }
+        if (status > 1)
+            return failed(e, part, operation, status, t);
+    }
+    return true;
+}
+
+/* Run the ticks from, ..., to - 1. Return the first tick that was not completed, or `to` if all were. */
+static int64_t run_ticks(Engine *e, int64_t from, int64_t to)
+{
+    const bool turns = takes_turns(e);
     for (int64_t tick = from; tick < to; tick++) {
-        for (int64_t i = 0; i < turn_count; i++)
-            if (!take_turn(e, &turns[i], time_of(e, tick)))
-                return tick;
         span_tick(e, tick);
-        if (turn_count == 0 && !advance(e, tick))
+        if (!(turns ? take_turns(e, e->time) : advance(e, tick)))
             return tick;
         measure_defects(e);
         if (e->width > 0 && (e->decimate == 1 || (tick + 1) % e->decimate == 0))
@@ -142,12 +124,10 @@ EXPORT int64_t engine_run(Engine *e, int64_t from, int64_t to);
 EXPORT int64_t engine_run(Engine *e, int64_t from, int64_t to)
 {
     enum { TICKS = 64 };
-    Turn turns[MOST_TURNS];
-    const int64_t turn_count = turns_of(e, turns);
     const uint32_t control = float_control();
     for (int64_t tick = from, length = 1; tick < to; length = TICKS) {
         const int64_t end = to - tick < length ? to : tick + length, filled = e->filled;
-        const int64_t done = run_ticks(e, turns, turn_count, tick, end);
+        const int64_t done = run_ticks(e, tick, end);
         const uint32_t changed = float_control() ^ control;
         if (changed != 0) {
             set_float_control(control);
@@ -159,6 +139,22 @@ EXPORT int64_t engine_run(Engine *e, int64_t from, int64_t to)
         if (done < end)
             return done;
         tick = end;
+    }
+    return to;
+}
+
+EXPORT int64_t engine_batch(Engine *e, const Batch *b, int64_t from, int64_t to);
+
+/* Step the copies from, ..., to - 1. Return the first one that fails, or `to`. */
+EXPORT int64_t engine_batch(Engine *e, const Batch *b, int64_t from, int64_t to)
+{
+    for (int64_t number = from; number < to; number++) {
+        const int64_t first = b->ticks[number], last = first + b->steps;
+        load_copy(b, number);
+        if (!take_inputs(e, b, number) || run_ticks(e, first, last) < last)
+            return number;
+        store_copy(e, b, number);
+        b->ticks[number] = last;
     }
     return to;
 }

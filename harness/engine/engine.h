@@ -7,6 +7,8 @@
 #ifndef ENGINE_H
 #define ENGINE_H
 
+#include "direct.h"
+
 #include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -38,6 +40,8 @@ typedef int Call(int operation, double t, double h);
 typedef struct {
     Call *call; /* operations of a part in Python; NULL for an FMU, which has: */
     void *component;
+    const Direct *direct; /* its functions in place of those that follow; NULL: none */
+    Ports ports;          /* for these */
     Exchange *set[TYPES], *get[TYPES];
     DoStep *do_step;
     GetState *get_state;

@@ -33,8 +33,7 @@ static int step_on_lines(Engine *e, int64_t index, double t, double h)
     }
     int status = hand_over(p, e->signals);
     if (status <= 1 && interpolates)
-        status =
-            p->set_slopes(owner_of(p), p->input_references, (size_t)count_of(p->inputs, REAL), p->orders, p->slopes);
+        status = hand_slopes_over(p);
     if (status <= 1)
         status = step_part(p, t, h);
     for (const Line *l = first; l < last; l++)

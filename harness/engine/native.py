@@ -13,7 +13,7 @@ import numpy as np
 
 from harness.compiling.engine_library import library, mirror
 from harness.errors import HarnessError, PartError, not_whole
-from harness.parts.guard import described_floats
+from harness.parts.guard import REMEDY, described_floats
 from harness.parts.part import TYPE_ORDER, Calls, Native, Values
 from harness.system.plan import GET, SET, STEP, Plan
 from harness.system.wire import split_name
@@ -30,6 +30,7 @@ _CALL = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, ctypes.c_double, ctypes.c_d
 _POINTER = ctypes.c_void_p
 _FREE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _POINTER)
 
+Ports = mirror("Ports")
 EnginePart = mirror("EnginePart")
 EngineData = mirror("Engine")
 
@@ -166,14 +167,13 @@ class Engine:
         """Return the error for a part that changes the results of all other parts."""
         data = self.data
         what = f"it changed {described_floats(data.float_change)} of the whole process, which affects all parts"
-        remedy = "run it in its own process (isolate = true)"
         time = float(data.failed_time)
         if data.failed_part >= 0:
-            return PartError(self.plan.parts[data.failed_part].name, "fmi2DoStep", f"{what}: {remedy}", time)
+            return PartError(self.plan.parts[data.failed_part].name, "fmi2DoStep", f"{what}: {REMEDY}", time)
         names = [
             f"'{part.name}'" for index, part in enumerate(self.plan.parts) if self._bound[index].native is not None
         ]
-        return HarnessError(f"one of the parts {', '.join(names)} failed after t = {time:.12g} s: {what}: {remedy}")
+        return HarnessError(f"one of the parts {', '.join(names)} failed after t = {time:.12g} s: {what}: {REMEDY}")
 
     def _part(self, index: int) -> tuple[ctypes.Structure, _Bound]:
         plan, names = self.plan, self.plan.names
@@ -213,6 +213,12 @@ class Engine:
         part.do_step_3 = at.get("fmi3DoStep")
         part.input_references = keep(np.array(native.inputs, dtype=np.uint32))
         part.output_references = keep(np.array(native.outputs, dtype=np.uint32))
+        part.direct, ports = at.get("blockDirect"), part.ports
+        ports.input_references, ports.output_references = part.input_references, part.output_references
+        ports.sources = plan.sources.ctypes.data + plan.sources.itemsize * int(ranges[0].start)
+        ports.inputs, ports.outputs = part.inputs[0], part.outputs[0]
+        ports.reals, _, ports.flags = np.diff(part.inputs)
+        ports.out_reals, ports.out_counts, ports.out_flags = np.diff(part.outputs)
         size = max(len(inputs), len(outputs), 1)
         part.whole = keep(np.zeros(size, dtype=np.intc))
         part.orders = keep(np.ones(size, dtype=np.intc))

@@ -76,6 +76,9 @@ static inline void *owner_of(const EnginePart *p) { return OTHER_KINDS && p->do_
 /* Set the inputs of a part. */
 static int hand_over(EnginePart *p, const double *signals)
 {
+    const int direct = p->direct ? p->direct->set(p->component, &p->ports, signals) : NOT_DIRECT;
+    if (direct != NOT_DIRECT)
+        return direct;
     if (in_python(p))
         return p->call(SET, 0.0, 0.0);
     int worst = 0;
@@ -94,8 +97,20 @@ static int hand_over(EnginePart *p, const double *signals)
     return worst;
 }
 
+/* Pass on the derivatives of the Real inputs. */
+static int hand_slopes_over(EnginePart *p)
+{
+    const int direct = p->direct ? p->direct->slopes(p->component, &p->ports, p->slopes) : NOT_DIRECT;
+    return direct != NOT_DIRECT ? direct
+                                : p->set_slopes(owner_of(p), p->input_references, (size_t)count_of(p->inputs, REAL),
+                                                p->orders, p->slopes);
+}
+
 static int fetch_outputs(EnginePart *p, double *signals)
 {
+    const int direct = p->direct ? p->direct->get(p->component, &p->ports, signals) : NOT_DIRECT;
+    if (direct != NOT_DIRECT)
+        return direct;
     if (in_python(p))
         return p->call(GET, 0.0, 0.0);
     for (int type = REAL; type < TYPES; type++) {
@@ -116,18 +131,32 @@ static int fetch_outputs(EnginePart *p, double *signals)
 
 static int step_part(EnginePart *p, double t, double h)
 {
+    const int direct = p->direct ? p->direct->step(p->component, t, h) : NOT_DIRECT;
+    if (direct != NOT_DIRECT)
+        return direct;
     return in_python(p) ? p->call(STEP, t, h) : step_fmu(p, t, h);
 }
 
-static int save_part(EnginePart *p)
+/* Save the state of an FMU, and return to it. */
+static int save_to(const EnginePart *p, void **state)
 {
-    return in_python(p) ? p->call(SAVE, 0.0, 0.0) : p->get_state(owner_of(p), &p->state);
+    if (!p->direct || !*state)
+        return p->get_state(owner_of(p), state);
+    p->direct->save(p->component, *state);
+    return 0;
 }
 
-static int restore_part(EnginePart *p)
+static int restore_from(const EnginePart *p, void *state)
 {
-    return in_python(p) ? p->call(RESTORE, 0.0, 0.0) : p->set_state(owner_of(p), p->state);
+    if (!p->direct)
+        return p->set_state(owner_of(p), state);
+    p->direct->restore(p->component, state);
+    return 0;
 }
+
+static int save_part(EnginePart *p) { return in_python(p) ? p->call(SAVE, 0.0, 0.0) : save_to(p, &p->state); }
+
+static int restore_part(EnginePart *p) { return in_python(p) ? p->call(RESTORE, 0.0, 0.0) : restore_from(p, p->state); }
 
 /* Exchange the two saved states of a part. */
 static void swap_part(EnginePart *p)

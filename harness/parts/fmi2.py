@@ -35,6 +35,8 @@ _COMMON = (
 
 LOADING = threading.Lock()  # guards the working directory of all threads, which fmpy changes to load a library
 
+DIRECT_VERSION: Final = 1  # of direct.h
+
 _POINTER = ctypes.c_void_p
 _REAL = ctypes.c_double
 _INT = ctypes.c_int
@@ -87,6 +89,8 @@ class Library:
         )
         own = FUNCTIONS if archive.exchange else ("DoStep", "SetRealInputDerivatives")
         self.addresses = {name: _address(self.slave.dll, f"fmi2{name}") for name in (*_COMMON, *own)}
+        if not archive.exchange and (direct := _direct_calls(self.slave.dll)):
+            self.addresses["blockDirect"] = direct
 
 
 def _refuse_truncated(folder: Path) -> None:
@@ -109,6 +113,17 @@ def exchanges(addresses: Mapping[str, int]) -> tuple[Exchanges, Exchanges]:
 
 def _address(library: Any, function: str) -> int:
     return ctypes.cast(getattr(library, function), _POINTER).value or 0
+
+
+def _direct_calls(library: Any) -> int:
+    """Return the address of the calls of ``direct.h``; 0 if the library has none of this version."""
+    try:
+        calls = library.blockDirect
+    except AttributeError:
+        return 0
+    calls.restype, calls.argtypes = _POINTER, ()
+    address = int(calls())
+    return address if ctypes.c_int.from_address(address).value == DIRECT_VERSION else 0
 
 
 def _unload(handle: int, folder: ScratchFolder) -> None:

@@ -23,6 +23,9 @@ from harness.units import in_unit
 from harness.values import is_count, is_line, plain, shown
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from harness.batch import Batch
     from harness.engine.algorithm import Progress, Tap
     from harness.result import Result
     from harness.ssp import Parameter, ParameterSet
@@ -434,21 +437,70 @@ class System:
         from harness.run import Options, run
 
         given = locals()  # each field of `Experiment` is an argument
-        changes = {key.name: given[key.name] for key in fields(Experiment) if given[key.name] is not None}
-        changes |= {key: tuple(changes[key]) for key in LISTS if key in changes}
-
-        if self.experiment is not None:
-            experiment = replace(self.experiment, **changes)
-        elif stop is None or (step is None and not (steps := self._suggested_steps())):
-            raise ExperimentError(f"the system '{self.name}' has no experiment: give stop and step")
-        else:
-            experiment = Experiment(**({} if step is not None else {"step": min(steps)}) | changes)
+        experiment = self._experiment({key.name: given[key.name] for key in fields(Experiment)})
         options = Options(taps, progress, resume, checkpoint, pace, events)
         if accuracy is False:
             return run(self, experiment, options)
         from harness.accuracy.assess import REQUIRED, run_with_accuracy  # scipy takes long to import
 
         return run_with_accuracy(self, experiment, options, REQUIRED if accuracy is True else accuracy)
+
+    def batch(
+        self,
+        n: int,
+        *,
+        inputs: Sequence[str] = (),
+        outputs: Sequence[str] = ("*",),
+        start: Mapping[str, ArrayLike] | None = None,
+        step: float | None = None,
+        master: str | None = None,
+        threads: int | None = None,
+    ) -> Batch:
+        """Make copies of the system that are stepped together, as learning and Monte Carlo methods need them.
+
+        A copy computes what a run with the same inputs computes, bit for bit, but measures no coupling errors: check
+        the step with a run first.
+
+        Parameters
+        ----------
+        n : int
+            Number of copies.
+        inputs : sequence of str
+            Unconnected inputs, as ``part.port``, that each step sets.
+        outputs : sequence of str
+            Variables that each step returns, with ``*`` and ``?``.
+        start : mapping of str to value or array_like of shape (n,)
+            Start values in addition to those of the system; an array has a value for each copy.
+        step, master
+            See `Experiment`; None takes those of the experiment of the system.
+        threads : int or None
+            Number of threads; None takes as many as there are processors, and fewer for few copies.
+
+        Returns
+        -------
+        Batch
+            The copies, at their start.
+
+        Raises
+        ------
+        HarnessError
+            If a name or a value is not accepted, or a part is not a block or a law of this project.
+        """
+        from harness.batch import Batch
+
+        given = {"step": step, "master": master, "stop": None if self.experiment or not step else 1000.0 * step}
+        experiment = replace(self._experiment(given), manipulators=())
+        return Batch(self, n, inputs, outputs, start or {}, threads, experiment)
+
+    def _experiment(self, given: Mapping[str, Any]) -> Experiment:
+        """Return the experiment of the system with the changes that are given."""
+        changes = {key: value for key, value in given.items() if value is not None}
+        changes |= {key: tuple(changes[key]) for key in LISTS if key in changes}
+        if self.experiment is not None:
+            return replace(self.experiment, **changes)
+        if "stop" not in changes or ("step" not in changes and not (steps := self._suggested_steps())):
+            raise ExperimentError(f"the system '{self.name}' has no experiment: give stop and step")
+        return Experiment(**({} if "step" in changes else {"step": min(steps)}) | changes)
 
     def _suggested_steps(self) -> list[float]:
         """Return the step sizes of the default experiments of the FMUs."""

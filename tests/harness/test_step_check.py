@@ -56,7 +56,7 @@ class Progress(ctypes.Structure):
 def master(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     folder = tmp_path_factory.mktemp("master")
     (folder / "master.c").write_text(CODE, encoding="utf-8")
-    places = [f"-I{FOLDER / name}" for name in ("engine", "masters")]
+    places = [f"-I{FOLDER / name}" for name in ("engine", "masters", "../fmu_src")]
     flags = ["-std=c99", "-O0", "-fno-sanitize=undefined", "-w", "-shared", "-fPIC", *places]
     subprocess.run([*compiler(), *flags, "master.c", "-lm", "-o", "master.so"], cwd=folder, check=True)
     loaded = ctypes.CDLL(str(folder / "master.so"))

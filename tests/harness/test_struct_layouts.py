@@ -5,6 +5,7 @@ import re
 
 import pytest
 
+import harness.batch
 import harness.engine.drive
 import harness.run  # noqa: F401  # it imports every other mechanism of the engine
 from harness.compiling import engine_library

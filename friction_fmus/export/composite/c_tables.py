@@ -175,10 +175,11 @@ class _Writer:
     def functions(self) -> list[str]:
         found = []
         for code in {code.folder: code for code in self._codes.values()}.values():
+            direct = f"{code.prefix}blockDirect" if code.own and "direct.h" in code.files else "NULL"
             found += [
                 f"PART_FUNCTIONS({code.prefix})",
                 f"static const PartFunctions functions_of_{code.folder} = "
-                f"FUNCTIONS_OF({code.prefix}, {c_string(code.guid)});",
+                f"FUNCTIONS_OF({code.prefix}, {c_string(code.guid)}, {direct});",
             ]
             if self._exchanges:
                 found += [
