@@ -61,7 +61,7 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component component, fmi2EventInfo *info)
         info->valuesOfContinuousStatesChanged = fmi2True;
     }
     info->terminateSimulation = c->time >= c->real[END] - 1e-12;
-    info->nextEventTime = c->iterations > 0 ? fmin(c->real[EVENT_TIME], c->real[END]) : c->real[END];
+    info->nextEventTime = fmin(c->iterations == 3 ? c->real[EVENT_TIME] : c->real[END], c->real[END]);
     info->nextEventTimeDefined = info->nextEventTime < 1e9;
     return fmi2OK;
 }

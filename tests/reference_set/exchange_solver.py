@@ -91,9 +91,7 @@ class ExchangeSolver:
 
     def _event(self) -> None:
         self.instance.must("EnterEventMode")
-        at = self.inputs.at(self.t)
-        if "input-jump-without-event" not in self.faults:
-            self.instance.put(at)
+        self.instance.put(self.inputs.at(self.t))
         self._update([name for name, t in self._ticks.items() if t <= self.t])
         if self.ended:
             return
@@ -186,12 +184,10 @@ class ExchangeSolver:
             kink = next((t for t in stops if t > self.t), math.inf)
             stop = min(point, event_at, ticks, kink)
             found = self._step(stop) if stop > self.t else False
-            asked, ends = (False, False)
-            if "no-completed-integrator-step" not in self.faults:
-                asked, ends = self.instance.completed()
+            asked, ends = self.instance.completed()
             if ends and "terminated-ignored" not in self.faults:
                 self.ended = True
-            jumped = self.t in jumps and "input-jump-without-event" not in self.faults
+            jumped = self.t in jumps
             if "state-event-at-end-of-step" in self.faults and self.t == point and self.instance.fmu.indicators:
                 found = self._crossed(self.t, self.x)
             if self.t == point or self.ended:
