@@ -49,5 +49,5 @@ def write_page(cases: Sequence[ReferenceCase], folder: Path) -> Path:
     title, path = "Reference set for tools that import FMUs", folder / "results" / "index.html"
     head = f'<head>\n<meta charset="utf-8">\n<title>{title}</title>\n<style>{style}</style>\n</head>'
     page = f'<!DOCTYPE html>\n<html lang="en">\n{head}\n<body>\n<h1>{title}</h1>\n{body}</body>\n</html>\n'
-    write_file(page.encode(), path)
+    write_file(page, path)
     return path

@@ -17,6 +17,7 @@ from fmpy.ssp.simulation import simulate_ssp
 from friction_fmus.reference.calls import run_calls
 from friction_fmus.reference.case import INPUTS, ReferenceCase, read_case
 from friction_fmus.reference.tool_runs import SKIPPED, read_results
+from harness import FmuPart, Part, SeriesPart, System, save_result
 
 LACKS = {"fmpy": {"strings"}, "harness": {"call", "strings", "partial-last-step", "discrete-inputs", "fmi3-me"}}
 
@@ -98,7 +99,6 @@ def run_fmpy(case: ReferenceCase, output: str) -> None:
                 stop_time=times.stop,
                 output_interval=times.step,
                 relative_tolerance=times.tolerance,
-                fmi_type={"cs": "CoSimulation", "me": "ModelExchange"}[case.kind],
                 start_values={
                     name: np.ravel(v).tolist() if isinstance(v, list) else v for name, v in case.start.items()
                 },
@@ -114,36 +114,36 @@ def run_fmpy(case: ReferenceCase, output: str) -> None:
 
 def run_harness(case: ReferenceCase, output: str) -> None:
     """Run a case in the harness and write its results."""
-    from harness import FmuPart, Part, SeriesPart, System, save_result
+    settings: dict[str, Any] = {**vars(case.experiment)}
+    names = {name if case.kind == "ssp" else f"fmu.{name}": name for name in case.outputs}
+    if "algebraic-loops" in case.needs:
+        settings["master"] = "newton"
+    with System.from_ssp(case.file) if case.kind == "ssp" else _alone(case, settings) as system:
+        save_result(system.run(**settings, record=[*names]).rename(names), output)
 
-    settings: dict[str, Any] = vars(case.experiment)
-    if case.kind == "ssp":
-        with System.from_ssp(case.file) as system:
-            save_result(system.run(**settings), output)
-        return
+
+def _alone(case: ReferenceCase, settings: dict[str, Any]) -> System:
+    """Return the FMU with its inputs as a system; in model exchange, take a step that meets their times."""
     fmu = FmuPart("fmu", case.file)
-    ports = {port.name: port for port in fmu.inputs}
     columns = read_results(case.folder / INPUTS) if case.inputs else {"time": []}
     values = {name: np.array(column, dtype=float) for name, column in columns.items()}
     times = values.pop("time")
     last = np.append(np.diff(times) > 0.0, True)  # of the rows with one time; what jumps is constant between its jumps
     between: Any = "linear" if last.all() else "previous"
     series = {name: column[last] for name, column in values.items()}
-    parts: list[Part] = [fmu]
-    if series:
-        parts.insert(0, SeriesPart("inputs", times[last], series, interpolation=between, beyond="hold"))
-    if case.kind == "me":  # the largest step that meets the times of the inputs
+    parts: list[Part] = (
+        [SeriesPart("inputs", times[last], series, interpolation=between, beyond="hold")] if series else []
+    )
+    if case.kind == "me":
         meets = [Fraction(str(each)) / Fraction(str(settings["step"])) for each in times - settings["start"]]
-        settings = {**settings, "step": settings["step"] / math.lcm(*(each.denominator for each in meets))}
-    start = {name: port.start for name, port in ports.items() if name not in values and port.start is not None}
+        settings["step"] /= math.lcm(*(each.denominator for each in meets))
+    start = {port.name: port.start for port in fmu.inputs if port.name not in values and port.start is not None}
     for name, value in case.start.items():
         elements = np.ndenumerate(value) if isinstance(value, list) else ()
         many = {f"{name}[{','.join(str(i + 1) for i in place)}]": each.item() for place, each in elements}
         start |= many or {name: value}
     wires = [f"inputs.{name} -> fmu.{name}" for name in values]
-    with System(parts, wires, start={f"fmu.{name}": value for name, value in start.items()}) as system:
-        names = {f"fmu.{name}": name for name in case.outputs}
-        save_result(system.run(**settings, record=[*names]).rename(names), output)
+    return System(parts, wires, start={f"fmu.{name}": value for name, value in start.items()})
 
 
 def main(tool: str, folder: str, output: str) -> int:
