@@ -5,13 +5,13 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import fmpy
 import numpy as np
-from fmpy.simulation import apply_start_values as apply
-from fmpy.simulation import instantiate_fmu, settable_in_initialization_mode, settable_in_instantiated
+from fmpy import simulation
 from fmpy.ssp.simulation import simulate_ssp
 
 from friction_fmus.reference.calls import run_calls
@@ -28,7 +28,7 @@ class _FmpyInstance:
     def __init__(self, case: ReferenceCase, folder: str, description: Any) -> None:
         self._experiment, self._description = case.experiment, description
         self._variables = {variable.name: variable for variable in description.modelVariables}
-        self.fmu = instantiate_fmu(folder, description, "CoSimulation")
+        self.fmu = simulation.instantiate_fmu(folder, description, "CoSimulation")
         self.reset, self.terminate = self.fmu.reset, self.fmu.terminate
 
     def start(self, values: Mapping[str, Any]) -> None:
@@ -38,9 +38,10 @@ class _FmpyInstance:
         if self._description.fmiVersion == "2.0":
             self.fmu.setupExperiment(**setup)
             setup = {}
-        left = apply(self.fmu, self._description, values, settable_in_instantiated)
+        apply = partial(simulation.apply_start_values, self.fmu, self._description)
+        left = apply(values, simulation.settable_in_instantiated)
         self.fmu.enterInitializationMode(**setup)
-        apply(self.fmu, self._description, left, settable_in_initialization_mode)
+        apply(left, simulation.settable_in_initialization_mode)
         self.fmu.exitInitializationMode()
 
     def set(self, values: Mapping[str, Any]) -> None:
@@ -126,23 +127,21 @@ def _alone(case: ReferenceCase, settings: dict[str, Any]) -> System:
     """Return the FMU with its inputs as a system; in model exchange, take a step that meets their times."""
     fmu = FmuPart("fmu", case.file)
     columns = read_results(case.folder / INPUTS) if case.inputs else {"time": []}
-    values = {name: np.array(column, dtype=float) for name, column in columns.items()}
-    times = values.pop("time")
-    last = np.append(np.diff(times) > 0.0, True)  # of the rows with one time; what jumps is constant between its jumps
-    between: Any = "linear" if last.all() else "previous"
-    series = {name: column[last] for name, column in values.items()}
-    parts: list[Part] = (
-        [SeriesPart("inputs", times[last], series, interpolation=between, beyond="hold")] if series else []
-    )
+    times = [float(time) for time in columns.pop("time")]
+    series = {name: [*dict(zip(times, map(float, column), strict=True)).values()] for name, column in columns.items()}
+    between: Any = "linear" if len({*times}) == len(times) else "previous"  # what jumps is constant between its jumps
+    parts: list[Part] = [fmu]
+    if series:
+        parts.append(SeriesPart("inputs", sorted({*times}), series, interpolation=between, beyond="hold"))
     if case.kind == "me":
-        meets = [Fraction(str(each)) / Fraction(str(settings["step"])) for each in times - settings["start"]]
+        meets = [Fraction(str(time - settings["start"])) / Fraction(str(settings["step"])) for time in times]
         settings["step"] /= math.lcm(*(each.denominator for each in meets))
-    start = {port.name: port.start for port in fmu.inputs if port.name not in values and port.start is not None}
+    start = {port.name: port.start for port in fmu.inputs if port.name not in series and port.start is not None}
     for name, value in case.start.items():
         elements = np.ndenumerate(value) if isinstance(value, list) else ()
         many = {f"{name}[{','.join(str(i + 1) for i in place)}]": each.item() for place, each in elements}
         start |= many or {name: value}
-    wires = [f"inputs.{name} -> fmu.{name}" for name in values]
+    wires = [f"inputs.{name} -> fmu.{name}" for name in series]
     return System(parts, wires, start={f"fmu.{name}": value for name, value in start.items()})
 
 
