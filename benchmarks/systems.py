@@ -218,7 +218,7 @@ def batch_rows(folder: Path, short: bool) -> list[Row]:
         ]
         loop = FmpyServo(folder)
         for n in (1, 100, 10_000):
-            rows += speed_rows(system, loop, n, 1 if short else 7)
+            rows += speed_rows(system, loop, n, 1 if short else 5)
     return rows
 
 
@@ -314,7 +314,7 @@ def main() -> None:
     """Prints the table."""
     options = arguments(__doc__ or "")
     logging.getLogger("harness").addHandler(logging.NullHandler())
-    rounds, n = (2, 10_000) if options.short else (30, 100_000)
+    rounds, n = (2, 10_000) if options.short else (12, 50_000)
     held, implicit = {"step": STEP}, {"step": 1e-3, "master": "newton"}
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
@@ -323,7 +323,7 @@ def main() -> None:
         rows = [
             *compared("Servo", lambda: servo(folder), "mass.x", held, rounds, n, folder, lambda: hand(n, gms=False)),
             *compared("GMS loop", gms, "mass.x", held, rounds, n, folder, lambda: hand(n, gms=True)),
-            *compared("Stick-slip", lambda: stick_slip(folder), "mass.x", implicit, rounds, n, folder),
+            *compared("Pulled mass", lambda: stick_slip(folder), "mass.x", implicit, rounds, n, folder),
             *compared("Compensated axis", axis, "axis.x", {**implicit, "step": 5e-4}, rounds, n, folder),
             *batch_rows(folder, options.short),
         ]
