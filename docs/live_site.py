@@ -220,7 +220,9 @@ def conditions_of(block: Block) -> list[str]:
     """Return the conditions on the use of a block in a loop, each by the first sentence of its function."""
     named = {name: inspect.getdoc(getattr(conditions, name)) or "" for name in CONDITIONS.get(block.name, ())}
     items = [f"- {' '.join(text.partition(chr(10) * 2)[0].split())} (`{name}`)" for name, text in named.items()]
-    last = "`friction-fmus doctor SYSTEM` evaluates them for a loop, see [conditions](../conditions.md)."
+    last = (
+        "A [study](../study-of-an-axis.md) evaluates them for the loop of an axis, see [conditions](../conditions.md)."
+    )
     return ["## Conditions", "", *items, "", last, ""] if items else []
 
 

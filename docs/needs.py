@@ -319,52 +319,45 @@ SITUATIONS = (
     ),
 )
 
-POSITION_LOOP = ("routh", "sampled", "loop_poles", "stick_slip_free", "break_away")
+POSITION_LOOP = ("routh", "loop_poles", "stick_slip_free", "hunting", "break_away")
 """Conditions of a position loop."""
 
 CONDITIONS: Mapping[str, tuple[str, ...]] = {
-    **dict.fromkeys(("Actuator", "ExtendedStateObserver"), ("loop_poles", "break_away")),
-    "Belt": ("belt",),
-    **dict.fromkeys(("Cogging", "PositionMap"), ("cogging",)),
+    **dict.fromkeys(("CascadePPI", "PID"), POSITION_LOOP),
     **dict.fromkeys(
-        ("TwoMass", "DisturbanceObserver", "KalmanFriction", "LocalFunctionEstimator", "PredictiveFilter"),
+        (
+            "DisturbanceObserver",
+            "ExtendedStateObserver",
+            "KalmanFriction",
+            "LocalFunctionEstimator",
+            "PredictiveFilter",
+            "TwoMass",
+        ),
         ("loop_poles",),
     ),
-    **dict.fromkeys(
-        ("ANDFC", "AdaptiveLuGre"), (*POSITION_LOOP, "adaptation", "fed_back_stiffness", "overcompensation")
-    ),
-    "AdaptiveSlidingMode": (*POSITION_LOOP, "adaptation"),
-    "CascadePPI": (*POSITION_LOOP, "hunting"),
     **dict.fromkeys(
         (
             "CoulombFeedforward",
             "DahlFeedforward",
+            "DeadZoneFeedforward",
             "ElastoPlasticFeedforward",
             "GMSFeedforward",
             "InverseDynamics",
             "KarnoppFeedforward",
             "LeuvenFeedforward",
-            "LoadFeedforward",
             "LuGreFeedforward",
             "ModifiedLeuvenFeedforward",
+            "StaticFeedback",
             "StaticFeedforward",
+            "TustinFeedback",
         ),
-        ("overcompensation", "inertia"),
+        ("overcompensation",),
     ),
-    "DeadZoneFeedforward": ("overcompensation", "inertia", "loop_poles"),
-    "DiscreteInverse": ("preview",),
-    "Dither": ("dither_stroke", "dither_frequency"),
-    **dict.fromkeys(("ElastoPlasticEstimator", "GMSObserver"), ("fed_back_stiffness", "overcompensation")),
-    "ImplicitSlidingMode": ("loop_poles", "sliding_gain", "break_away"),
-    "ImplicitSuperTwisting": ("loop_poles", "super_twisting", "break_away"),
-    "ImpulsiveControl": ("pulses",),
-    **dict.fromkeys(("IterativeLearning", "RepetitiveController"), ("contraction",)),
-    "LuGreObserver": ("injection", "fed_back_stiffness", "overcompensation"),
-    "ModelledOutputKarnopp": (*POSITION_LOOP, "overcompensation"),
-    "PID": (*POSITION_LOOP, "hunting", "dead_band", "turned_friction"),
-    **dict.fromkeys(("Prefilter", "PreviewPrefilter"), ("prefilter", "prefilter_match")),
-    "ResetPID": POSITION_LOOP,
-    **dict.fromkeys(("StaticFeedback", "TustinFeedback"), ("overcompensation",)),
-    "Encoder": ("encoder_count", "loop_poles"),
+    **dict.fromkeys(
+        ("ElastoPlasticEstimator", "GMSObserver", "LuGreObserver"), ("fed_back_stiffness", "overcompensation")
+    ),
+    "Dither": ("dither_stroke",),
+    "RepetitiveController": ("contraction",),
+    **dict.fromkeys(("Differentiator", "Quantiser"), ("encoder_count",)),
 }
 """Functions of `friction_fmus.conditions` that say when a block works in a loop, by block."""

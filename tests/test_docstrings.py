@@ -15,7 +15,6 @@ PACKAGES = (
     "friction_fmus",
     "friction_fmus.conditions",
     "friction_fmus.data",
-    "friction_fmus.doctor",
     "friction_fmus.identification",
     "friction_fmus.report",
     "friction_fmus.study",

@@ -66,10 +66,6 @@
     PARAMETER(u_min,   FORCE,   -100.0, -INF,   INF,  "lower limit of u")                                                       \
     PARAMETER(u_max,   FORCE,    100.0, -INF,   INF,  "upper limit of u")
 
-#define IN_LOOP   \
-    LAW  ()       \
-    RULES(pushes)
-
 #define USE                                                                    \
     KIND (dither)                                                              \
     NEVER("It acts on an axis that is stuck away from its target, not on a moving axis.")

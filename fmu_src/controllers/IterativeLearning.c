@@ -69,10 +69,6 @@
     PARAMETER(u_min,     FORCE,    -100.0, -INF,  INF,  "lower limit of u and of the learned " FORCE_NOUN)                       \
     PARAMETER(u_max,     FORCE,     100.0, -INF,  INF,  "upper limit of u and of the learned " FORCE_NOUN)
 
-#define IN_LOOP            \
-    LAW  ()                \
-    RULES(trials_contract)
-
 #define USE                                                                                         \
     KIND (learning)                                                                                 \
     NEVER("It learns from trial to trial, but the study runs the reference once.")

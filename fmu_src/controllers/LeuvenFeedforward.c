@@ -87,10 +87,6 @@
     STRIBECK(vs, delta) \
     VISCOUS (sigma2)
 
-#define IN_LOOP   \
-    LAW    ()     \
-    INERTIA(mass)
-
 #define USE             \
     KIND  (feedforward) \
     MODELS(Leuven)      \

@@ -55,14 +55,11 @@
     PARAMETER(u_min,  FORCE,   -100.0, -INF,  INF,  "lower limit of u")                                                             \
     PARAMETER(u_max,  FORCE,    100.0, -INF,  INF,  "upper limit of u")
 
-#define IN_LOOP            \
-    LAW   (estimates)      \
-    FILTER(local_function)
-
 #define USE                                              \
     KIND (estimator)                                     \
     TUNED(m, m)                                          \
-    TUNED(window, max(3, round(1 / (pi * corner * Ts))))
+    TUNED(window, max(3, round(1 / (pi * corner * Ts)))) \
+    LINEAR(local_function)
 /* clang-format on */
 
 #include <stdbool.h>

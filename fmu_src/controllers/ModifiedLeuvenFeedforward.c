@@ -84,10 +84,6 @@
     STRIBECK(vs, delta) \
     VISCOUS (sigma2)
 
-#define IN_LOOP   \
-    LAW    ()     \
-    INERTIA(mass)
-
 /* As with GMS, whose elements slip one after the other: no other rounding of the transition, no bristle damping. The
    sum of W is slightly above the level; below it, the deflection would grow without bound. */
 #define USE                                                                     \

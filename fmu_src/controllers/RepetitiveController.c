@@ -64,10 +64,6 @@
     PARAMETER(u_min,  FORCE,    -100.0, -INF,  INF, "lower limit of u and of the learned " FORCE_NOUN)                           \
     PARAMETER(u_max,  FORCE,     100.0, -INF,  INF, "upper limit of u and of the learned " FORCE_NOUN)
 
-#define IN_LOOP             \
-    LAW  ()                 \
-    RULES(periods_contract)
-
 #define USE            \
     KIND  (learning)   \
     PERIOD(N)          \
@@ -76,7 +72,8 @@
     TUNED (Kp, Kp)     \
     TUNED (Kd, Kd)     \
     TUNED (Ki, Ki)     \
-    TUNED (fq, corner)
+    TUNED (fq, corner) \
+    RULE  (contraction)
 /* clang-format on */
 
 #include <stdbool.h>

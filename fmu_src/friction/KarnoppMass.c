@@ -50,10 +50,6 @@
     COULOMB(Fc) \
     STATIC (Fs) \
     VISCOUS(Fv)
-
-#define IN_LOOP   \
-    FORCES(F_ext) \
-    MASS  (m)
 /* clang-format on */
 
 #define STEPS_BY      step

@@ -41,11 +41,6 @@
     PARAMETER(F_max,     FORCE, 100.0,  -INF,INF, "upper limit")                                                            \
     PARAMETER(tau,       TIME,  0.0,    0.0, INF, "time constant of the lag; 0: none")                                      \
     FIXED    (delay,     TIME,  0.0,    0.0, INF, "time until u takes effect; 0: none")
-
-#define IN_LOOP         \
-    DRIVE(F_min, F_max) \
-    LAG  (tau)          \
-    DELAY(delay)
 /* clang-format on */
 
 #define STEPS_BY step

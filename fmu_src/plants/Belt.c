@@ -44,14 +44,6 @@
     PARAMETER   (d,          DAMPING,   0.0, 0.0,   INF, "damping to the wall")                                              \
     FIXED       (x0,         LENGTH,    0.0, -INF,  INF, "initial position")                                                 \
     FIXED       (v0,         VELOCITY,  0.0, -INF,  INF, "initial velocity")
-
-#define IN_LOOP          \
-    FORCES  (F_load)     \
-    FRICTION(F_friction) \
-    MASS    (m)          \
-    DAMPER  (d)          \
-    SPRING  (k)          \
-    BELT    (v_belt)
 /* clang-format on */
 
 #define STEPS_BY step

@@ -30,8 +30,6 @@
     PARAMETER (pitch,     LENGTH,  0.024,                          1e-9, INF, "magnet pitch, the period of F")                              \
     PARAMETERS(amplitude, 6, FORCE, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), -INF, INF, "amplitude of each harmonic; 0: none")                       \
     PARAMETERS(phase,     6, ANGLE, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), -INF, INF, "phase of each harmonic at x = 0")
-
-#define IN_LOOP COGGING(pitch, amplitude, phase)
 /* clang-format on */
 
 #include "block.h"

@@ -32,14 +32,6 @@
     FIXED       (x0,         LENGTH,    0.0, -INF,  INF, "initial position")                            \
     FIXED       (v0,         VELOCITY,  0.0, -INF,  INF, "initial velocity")                            \
     FIXED       (x_support0, LENGTH,    0.0, -INF,  INF, "initial position of the support")
-
-#define IN_LOOP               \
-    FORCES  (F_drive, F_load) \
-    FRICTION(F_friction)      \
-    MASS    (m)               \
-    DAMPER  (d)               \
-    SPRING  (k)               \
-    SUPPORT (v_support)
 /* clang-format on */
 
 #define STEPS_BY step

@@ -39,8 +39,6 @@
     PARAMETER(cogging_gain,  NO_UNIT,  1.0, -INF,  INF, "factor of the cogging")                               \
     PARAMETER(friction_gain, NO_UNIT,  1.0, -INF,  INF, "factor of the position-dependent friction")           \
     PARAMETER(v_sign,        VELOCITY, 1e-3, 1e-12, INF, "velocity over which the sign of v is smoothed")
-
-#define IN_LOOP COGGING()
 /* clang-format on */
 
 #include "block.h"

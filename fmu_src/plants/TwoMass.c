@@ -55,12 +55,6 @@
     FIXED       (v1_0,        VELOCITY,  0.0, -INF,  INF, "initial velocity of the motor")                           \
     FIXED       (x2_0,        LENGTH,    0.0, -INF,  INF, "initial position of the load")                            \
     FIXED       (v2_0,        VELOCITY,  0.0, -INF,  INF, "initial velocity of the load")
-
-#define IN_LOOP                        \
-    FORCES  (F_drive, F_load)          \
-    FRICTION(F_friction1, F_friction2) \
-    MASS    (m1 + m2)                  \
-    FLEXIBLE(m1, m2, k, d)
 /* clang-format on */
 
 #define STEPS_BY step

@@ -29,10 +29,6 @@
     COUNT    (window, 2,      1,    LONGEST,    "number of samples in the average")                     \
     FIXED    (v0,     VELOCITY, 0.0, -INF, INF, "velocity before the first sample")                     \
     PARAMETER(tau,    TIME,   0.0,  0.0,  INF,  "time constant of the low-pass filter; 0: none")
-
-#define IN_LOOP              \
-    SENSOR  ()               \
-    VELOCITY(v, window, tau)
 /* clang-format on */
 
 enum { LONGEST = 64 };

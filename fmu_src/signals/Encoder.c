@@ -35,11 +35,6 @@
     PARAMETER(jitter,     TIME,     0.0,  0.0,  INF,   "largest error of a sample time; 0: none")      \
     COUNT    (seed,       1,        0,    COUNTS,      "seed of the jitter")                           \
     FIXED    (v0,         VELOCITY, 0.0,  -INF, INF,   "v_measured at the first sample")
-
-#define IN_LOOP          \
-    SENSOR  ()           \
-    QUANTUM (q)          \
-    VELOCITY(v_measured)
 /* clang-format on */
 
 #define SAMPLED

@@ -17,10 +17,6 @@
     INPUT    (x, LENGTH, 0.0,             "value to be measured")            \
     OUTPUT   (y, LENGTH,                  "measured value")                  \
     PARAMETER(q, LENGTH, 1e-6, 0.0, INF,  "quantisation step; 0: none, y = x")
-
-#define IN_LOOP \
-    SENSOR ()   \
-    QUANTUM(q)
 /* clang-format on */
 
 #define EVENTS     2

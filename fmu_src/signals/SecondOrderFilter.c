@@ -30,7 +30,6 @@
     FIXED    (high, NO_UNIT,   0.0,   -INF, INF,  "gain at high frequencies")
 /* clang-format on */
 
-#define IN_LOOP BIQUAD(f, zeta, low, band, high)
 #define SAMPLED
 #define MEMORY   struct filter
 #define VALID_BY is_filter

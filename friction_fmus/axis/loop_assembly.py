@@ -286,7 +286,7 @@ def load_feedforward(plant: AxisPlant) -> Compensator | None:
     """Return the law for gravity and load of an axis; None if it has neither."""
     if not plant.terms:
         return None
-    rubs = find(plant.friction).about.in_loop.friction
+    rubs = find(plant.friction).about.friction
     within = rubs.level(plant.values).viscous if rubs is not None else 0.0
     viscous = within or plant.values.get("Fv", 0.0)
     given = {"m": 0.0, "offset": plant.offset, "m_moved": plant.mass, "Fv": viscous, "G_sin": 0.0}
@@ -333,7 +333,7 @@ def start_of(plant: AxisPlant, parts: Mapping[str, Part], x0: float) -> dict[str
     else:
         own = load.parameters(plant.mass)
         found = {f"axis.{name}": value for name, value in own.items()}
-        rubs = find(plant.friction).about.in_loop.friction
+        rubs = find(plant.friction).about.friction
         held = load.friction * rubs.level(plant.values).Fc if rubs is not None else 0.0
         spring = plant.offset if abs(plant.offset) > 0.5 * held else 0.0  # holds a weight that friction does not
         found["axis.x2_0"] = x0 - spring / own["k"]

@@ -65,7 +65,7 @@ class AxisPlant:
     @property
     def stiffness(self) -> float:
         """Contact stiffness at rest, as the file of the block states it [N/m]; 0 if rigid."""
-        friction = find(self.friction).about.in_loop.friction
+        friction = find(self.friction).about.friction
         if friction is None or not is_known(friction.stiffness, self.values):
             return 0.0
         return float(evaluate(friction.stiffness, self.values))

@@ -121,7 +121,7 @@ def closed_loop(
 
 def _longest(plant: AxisPlant) -> float:
     """Return the longest communication step between mass and friction of an axis [s]."""
-    friction = find(plant.friction).about.in_loop.friction
+    friction = find(plant.friction).about.friction
     rigid = plant.load is None and friction is not None and friction.stiffness == "0"
     return COARSER if rigid else FINEST
 

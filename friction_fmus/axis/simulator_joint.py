@@ -36,7 +36,7 @@ MOVING: Final = 0.01  # part of the largest speed of the record above which an a
 
 def contact_of(axis: IdentifiedAxis) -> AxisFriction:
     """Return the friction of an axis that can be a joint, as the file of its block states it."""
-    u, declared = axis.words, find(axis.model).about.in_loop.friction
+    u, declared = axis.words, find(axis.model).about.friction
     if not 0.0 < axis.mass < inf:
         raise BuildError(
             f"The joint of a simulator needs a positive {u.mass}, but that of {axis.name} is {axis.mass:g} {u.kg}; "

@@ -1,5 +1,4 @@
-"""Declarations next to the equations in a block's file, used by its page, the doctor, the study and the
-identification."""
+"""Declarations next to the equations in a block's file, used by its page, the study and the identification."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -9,9 +8,8 @@ from pathlib import Path
 from typing import Final
 
 from friction_fmus.blocks.arithmetic import names_in
-from friction_fmus.blocks.contact import Identified, identified
+from friction_fmus.blocks.contact import Friction, Identified, friction_of, identified
 from friction_fmus.blocks.kinds import USES
-from friction_fmus.blocks.loop_role import InLoop, in_loop
 from friction_fmus.blocks.macros import macro, string, table, words
 from friction_fmus.errors import FrictionError, did_you_mean
 
@@ -56,6 +54,9 @@ class Use:
     never: str = ""  # A sentence that explains why the law is excluded from the comparison; empty if it is not excluded
     period: str = ""
     """Parameter for the period of the reference in samples; empty if the reference need not be periodic."""
+    rule: str = ""  # further condition on the loop, a key of `friction_fmus.study.loop_conditions.RULES`
+    linear: str = ""
+    """For an estimator in C: the function of `friction_fmus.study.linear_laws` that returns its linear part."""
 
     def __post_init__(self) -> None:
         """Raise an error for an unknown kind or a text that is not an expression."""
@@ -76,7 +77,7 @@ SHAPES_REFERENCE: Final = "It applies a feedforward {force} by way of the refere
 
 def use_of(code: str) -> Use | None:
     """Return the use that the macro USE of a C file declares, or None without this macro."""
-    rows = table(code, "USE", ("KIND", "MODELS", "RENAMED", "TUNED", "OUTPUT", "NEVER", "PERIOD"))
+    rows = table(code, "USE", ("KIND", "MODELS", "RENAMED", "TUNED", "OUTPUT", "NEVER", "PERIOD", "RULE", "LINEAR"))
     texts: dict[str, str] = {"kind": "other"}
     models: tuple[str, ...] = ()
     pairs: dict[str, dict[str, str]] = {"RENAMED": {}, "TUNED": {}}
@@ -86,7 +87,7 @@ def use_of(code: str) -> Use | None:
                 pass
             case ("RENAMED" | "TUNED") as key, (name, text):
                 pairs[key][name] = text
-            case ("KIND" | "OUTPUT" | "NEVER" | "PERIOD") as key, (text,):
+            case ("KIND" | "OUTPUT" | "NEVER" | "PERIOD" | "RULE" | "LINEAR") as key, (text,):
                 texts[key.lower()] = text
             case key, arguments:
                 raise FrictionError(f"USE has the malformed row {key}({', '.join(arguments)})")
@@ -98,7 +99,9 @@ class About:
     """Declarations in the file of a block."""
 
     identified: Identified = field(default_factory=Identified)  # how a friction model is identified
-    in_loop: InLoop = field(default_factory=InLoop)  # the role of the block in a control loop
+    friction: Friction | None = None
+    """The friction of a friction model, or what a compensator computes of the friction of its axis. The stiffness of a
+    compensator is that of a model of the contact which follows the measured motion, so that it also acts at rest."""
     use: Use | None = None  # how a law or controller is used as a compensator; None excludes it from studies
     cites: tuple[str, ...] = ()  # literature: keys of ``bibliography.bib``, or BibTeX entries
 
@@ -106,16 +109,7 @@ class About:
     def reads(self) -> frozenset[str]:
         """Names of the block's variables in its expressions."""
         texts = [self.identified.size, *self.identified.fits]
-        friction, plant, law = self.in_loop.friction, self.in_loop.plant, self.in_loop.law
-        for part in (friction, law.friction if law is not None else None):
-            texts += vars(part).values() if part is not None else ()
-        if plant is not None:
-            texts += [*plant.forces, *plant.friction, plant.mass, plant.damping, plant.stiffness]
-            texts += [*plant.flexible, plant.belt]
-        for named in (self.in_loop.sensor, self.in_loop.drive, self.in_loop.cogging):
-            texts += vars(named).values() if named is not None else ()
-        if law is not None:
-            texts += [*law.gains.values(), law.inertia, law.amplifies, *law.adapts, *(law.linear or ())]
+        texts += vars(self.friction).values() if self.friction is not None else ()
         if self.use is not None and not self.use.never:
             texts += [self.use.output, self.use.period, *self.use.tuned, *self.use.renamed.values()]
         return frozenset().union(*(names_in(text) for text in texts if text))
@@ -132,6 +126,6 @@ class About:
 
 def about_c_block(code: str) -> About:
     """Return the declarations in the macros of a C file."""
-    about = About(identified(code), in_loop(code), use_of(code), words(string(code, "CITES")))
+    about = About(identified(code), friction_of(code), use_of(code), words(string(code, "CITES")))
     about.check(re.findall(r"\(\s*(\w+)\s*,", macro(code, "VARIABLES") or ""))
     return about

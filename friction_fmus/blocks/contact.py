@@ -1,9 +1,9 @@
-"""Friction in terms of the conditions, and the meaning of a block's parameters in these terms."""
+"""Friction of an axis in common terms, and the meaning of a block's parameters in these terms."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from friction_fmus.blocks.arithmetic import Numbers, evaluate, is_known, names_in
@@ -48,20 +48,6 @@ class AxisFriction:
     """Stiffness and damping of the contact at rest [N/m, N.s/m], proportional to the normal force; stiffness 0 if
     rigid."""
     viscous: float = 0.0  # viscous coefficient that also acts at rest [N.s/m]
-
-    def loaded(self, load: float) -> AxisFriction:
-        """Return the contact under another normal force, which does not affect viscous friction."""
-        forward, backward = (replace(level, Fc=load * level.Fc, Fs=load * level.Fs) for level in self.levels)
-        return AxisFriction((forward, backward), load * self.stiffness, load * self.damping, self.viscous)
-
-    def beside(self, other: AxisFriction) -> AxisFriction:
-        """Return the friction of this contact and another one together, with the Stribeck curve of this one."""
-        forward, backward = (
-            replace(one, Fc=one.Fc + two.Fc, Fs=one.Fs + two.Fs, viscous=one.viscous + two.viscous)
-            for one, two in zip(self.levels, other.levels, strict=True)
-        )
-        at_rest = self.stiffness + other.stiffness, self.damping + other.damping, self.viscous + other.viscous
-        return AxisFriction((forward, backward), *at_rest)
 
 
 @dataclass(frozen=True)

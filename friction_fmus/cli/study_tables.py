@@ -44,11 +44,11 @@ def show_study(console: Console, result: StudyResult) -> None:
         console.print(f"Next: {step}")
     for caution in result.recommendation.cautions:
         console.print(f"Note: {caution}")
-    wrong = [row for row in result.doctor if not row.ok]
+    wrong = [row for row in result.conditions if not row.ok]
     for row in wrong:
-        console.print(styled("Doctor: ", (row.name, "bold red"), f", {row.wrong}; {row.change}"))
-    if result.doctor and not wrong:
-        console.print(f"Doctor: all {len(result.doctor)} conditions of the recommended loop hold.")
+        console.print(styled("Condition: ", (row.name, "bold red"), f", {row.wrong}; {row.change}"))
+    if result.conditions and not wrong:
+        console.print(f"All {len(result.conditions)} conditions of the recommended loop hold.")
     console.print()
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 from typing import TypeAlias
 
 import numpy as np
@@ -29,22 +28,6 @@ class SampledLaw:
     C: Matrix
     D: Matrix
 
-    def scaled(self, to_force: float, of_position: float, of_velocity: float) -> SampledLaw:
-        """Return the law including the gains of its connections; u_prev is divided by the gain applied to u.
-
-        Parameters
-        ----------
-        to_force, of_position, of_velocity : float
-            Gains from u to the force on the plant, and from the position and velocity of the plant to x and v.
-
-        Returns
-        -------
-        SampledLaw
-            Law between position and velocity of the plant and the force on it.
-        """
-        gains = np.array([of_position, of_velocity, 1.0 / to_force if to_force else 0.0])
-        return SampledLaw(self.A, self.B * gains, to_force * self.C, to_force * self.D * gains)
-
 
 @dataclass(frozen=True)
 class DrivenPlant:
@@ -63,7 +46,6 @@ class DrivenPlant:
 
 
 Filter: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64]]
-Biquad: TypeAlias = tuple[float, float, float, float, float]  # f, zeta, low, band and high of SecondOrderFilter
 
 
 @dataclass(frozen=True)
@@ -76,20 +58,16 @@ class PathDynamics:
         Lag and delay of the actuator [s].
     window : int
         The measured velocity is (x[k] - x[k-window])/(window Ts); with 0 the plant's velocity is measured.
-    smoothing : float
-        Time constant of a low-pass filter behind that difference [s].
-    lowpass, notch, position : (array, array)
-        Numerators and denominators in powers of 1/z of further filters of the velocity, of the total force, and of the
-        position that the laws receive; both of the same length, the first denominator is 1.
+    lowpass, notch : (array, array)
+        Numerators and denominators in powers of 1/z of filters of the velocity and of the total force; both of the same
+        length, the first denominator is 1.
     """
 
     tau: float = 0.0
     delay: float = 0.0
     window: int = 0
-    smoothing: float = 0.0
     lowpass: Filter | None = None
     notch: Filter | None = None
-    position: Filter | None = None
 
 
 NO_FILTER: Filter = (np.ones(1), np.ones(1))
@@ -104,12 +82,6 @@ def second_order(f: float, zeta: float, low: float, band: float, high: float, Ts
     d, high = 2.0 * zeta * q, high * q * q
     a = np.array([q * q + d + 1.0, 2.0 * (1.0 - q * q), q * q - d + 1.0])
     return np.array([high + band * d + low, 2.0 * (low - high), high - band * d + low]) / a[0], a / a[0]
-
-
-def in_series(filters: Iterable[Filter]) -> Filter:
-    """Return filters in series as one."""
-    b, a = zip(*filters, strict=True)
-    return reduce(np.convolve, b), reduce(np.convolve, a)
 
 
 def one_mass(m: float, damping: float = 0.0, stiffness: float = 0.0) -> DrivenPlant:
@@ -140,9 +112,8 @@ def two_masses(
     d: float,
     damping: tuple[float, float] = (0.0, 0.0),
     stiffness: tuple[float, float] = (0.0, 0.0),
-    at_load: tuple[bool, bool] = (False, False),
 ) -> DrivenPlant:
-    """Return the linear plant of a motor and a load coupled by a spring, driven at the motor.
+    """Return the linear plant of a motor and a load coupled by a spring, driven and measured at the motor.
 
     Parameters
     ----------
@@ -150,8 +121,6 @@ def two_masses(
         Mass of motor and load [kg], stiffness [N/m] and damping [N.s/m] of the transmission.
     damping, stiffness : (float, float)
         Damping [N.s/m] and stiffness [N/m] to ground, at motor and load.
-    at_load : (bool, bool)
-        Whether position and velocity are measured at the load; otherwise at the motor.
 
     Returns
     -------
@@ -167,7 +136,7 @@ def two_masses(
         ]
     )
     rows = np.eye(4)
-    return DrivenPlant(A, np.array([0.0, 1.0 / m1, 0.0, 0.0]), rows[2 * at_load[0]], rows[2 * at_load[1] + 1])
+    return DrivenPlant(A, np.array([0.0, 1.0 / m1, 0.0, 0.0]), rows[0], rows[1])
 
 
 def on_bristles(
@@ -224,32 +193,31 @@ def chain(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: PathD
     -------
     array, shape (n, n)
         States of the plant, the actuator lag, the forces of past samples, the positions of past samples, the filters of
-        velocity, force and position, the last force before its filter and the laws, in this order.
+        velocity and force, the last force before its filter and the laws, in this order.
     """
     A, b, read = _with_lag(plant, path.tau)
     n = len(b)
     whole = math.floor(path.delay / Ts + 1e-9)
     part = max(path.delay - whole * Ts, 0.0)
     early, late = held(A, b, part), held(A, b, Ts - part)
-    filters = lowpass, notch, position = _velocity_filter(path, Ts), path.notch or NO_FILTER, path.position or NO_FILTER
+    filters = lowpass, notch = path.lowpass or NO_FILTER, path.notch or NO_FILTER
     orders = (len(own[1]) - 1 for own in filters)
     ends = np.cumsum((n, whole + 1, path.window, *orders, 1, *(len(law.C) for law in laws)))
 
     # the states after a step, as combinations of the states before, which are the columns
-    motion, forces, positions, slow, notched, smooth, last, *memories = np.split(np.eye(ends[-1]), ends[:-1])
+    motion, forces, positions, slow, notched, last, *memories = np.split(np.eye(ends[-1]), ends[:-1])
     x, v = read @ motion
     if path.window:
         v = (x - positions[-1]) / (path.window * Ts)
     v, slow = _filter_step(lowpass, slow, v)
-    seen, smooth = _filter_step(position, smooth, x)
-    y = np.array([seen, v, last[0]])
+    y = np.array([x, v, last[0]])
     u = sum((law.C @ own + law.D @ y for law, own in zip(laws, memories, strict=True)), np.zeros(ends[-1]))
     force, notched = _filter_step(notch, notched, u)
     sent = np.vstack([force, forces])  # now, one sample ago, ...
     moved = late[0] @ (early[0] @ motion + np.outer(early[1], sent[whole + 1])) + np.outer(late[1], sent[whole])
     after = [law.A @ own + law.B @ y for law, own in zip(laws, memories, strict=True)]
     kept = np.vstack([x, positions])[: path.window]
-    return np.vstack([moved, sent[:-1], kept, slow, notched, smooth, u, *after])
+    return np.vstack([moved, sent[:-1], kept, slow, notched, u, *after])
 
 
 def _filter_step(own: Filter, state: Matrix, u: Matrix) -> tuple[Matrix, Matrix]:
@@ -257,12 +225,6 @@ def _filter_step(own: Filter, state: Matrix, u: Matrix) -> tuple[Matrix, Matrix]
     b, a = own
     y = b[0] * u + (state[0] if len(state) else 0.0)
     return y, np.vstack([state[1:], np.zeros((min(len(state), 1), len(u)))]) + np.outer(b[1:], u) - np.outer(a[1:], y)
-
-
-def _velocity_filter(path: PathDynamics, Ts: float) -> Filter:
-    keep = math.exp(-Ts / path.smoothing) if path.window and path.smoothing > 0.0 else 0.0
-    smoothing = (np.array([1.0 - keep, 0.0]), np.array([1.0, -keep])) if keep else NO_FILTER
-    return in_series([path.lowpass or NO_FILTER, smoothing])
 
 
 def _with_lag(plant: DrivenPlant, tau: float) -> tuple[Matrix, Matrix, Matrix]:
@@ -318,8 +280,8 @@ def loop_poles(
     faster, shorter = "", ""
     if not ok:
         hint = hint or _lower(plant, laws(Ts), Ts, path)
-        dead, fixed = max(path.delay, path.tau) > 0.0, path.lowpass or path.notch or path.position  # filters of this Ts
-        longest = 0.0 if dead or fixed else longest_sample(lambda time: is_stable(loop(time)), Ts, 6, 1e-3)
+        dead, fixed = max(path.delay, path.tau) > 0.0, path.lowpass or path.notch  # filters of this Ts
+        longest = 0.0 if dead or fixed else longest_sample(lambda time: is_stable(loop(time)), Ts)
         faster = f", or sample faster than every {longest:.4g} s" if longest else ""
         shorter = _shorter(plant, laws(Ts), Ts, path) if dead else ""
     return Condition(
@@ -432,7 +394,7 @@ def open_loop(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: P
     x, v = _response(step, push[:, None], read, np.zeros((2, 1)), z)[:, :, 0].T
     if path.window:
         v = x * (1.0 - z**-path.window) / (path.window * Ts)
-    v, x = v * _gain(_velocity_filter(path, Ts), z), x * _gain(path.position or NO_FILTER, z)
+    v = v * _gain(path.lowpass or NO_FILTER, z)
     force = z ** -round(path.delay / Ts) * _gain(path.notch or NO_FILTER, z)
     K = np.zeros((len(z), 3), dtype=complex)
     for law in laws:

@@ -36,9 +36,9 @@ def held(A: Matrix, b: Matrix, time: float) -> tuple[Matrix, Matrix]:
     return found[:n, :n], found[:n, n]
 
 
-def held_mass(m: float, damping: float, stiffness: float, Ts: float) -> tuple[Matrix, Matrix]:
-    """Return A and b of a mass with damper and spring: (x, v) after Ts is A (x, v) + b u for a held force u."""
-    return held(np.array([[0.0, 1.0], [-stiffness / m, -damping / m]]), np.array([0.0, 1.0 / m]), Ts)
+def held_mass(m: float, damping: float, Ts: float) -> tuple[Matrix, Matrix]:
+    """Return A and b of a mass with a damper: (x, v) after Ts is A (x, v) + b u for a held force u."""
+    return held(np.array([[0.0, 1.0], [0.0, -damping / m]]), np.array([0.0, 1.0 / m]), Ts)
 
 
 def spectral_radius(matrix: Matrix) -> float:
@@ -67,10 +67,10 @@ def is_stable(matrix: Matrix) -> bool:
     return all(MARGIN * spectral_radius(inverse @ np.abs(matrix)) < 1.0 for inverse in np.abs(inverses))
 
 
-def longest_sample(stable: Callable[[float], bool], Ts: float, halvings: int = 60, closeness: float = 1e-6) -> float:
+def longest_sample(stable: Callable[[float], bool], Ts: float) -> float:
     """Return the sample time below Ts at which the loop becomes stable; 0 if it is unstable down to `FASTEST`."""
     slow, fast = Ts, Ts
-    for _ in range(halvings):
+    for _ in range(6):
         slow, fast = fast, max(fast / 2.0, FASTEST)
         if fast >= slow:
             return 0.0
@@ -78,7 +78,7 @@ def longest_sample(stable: Callable[[float], bool], Ts: float, halvings: int = 6
             break
     else:
         return 0.0
-    while slow > fast * (1.0 + closeness):
+    while slow > fast * (1.0 + 1e-3):
         middle = math.sqrt(fast * slow)
         fast, slow = (middle, slow) if stable(middle) else (fast, middle)
     return fast
@@ -112,8 +112,6 @@ class Condition:
         What to change.
     source : str
         Publication or derivation of the condition.
-    note : bool
-        Whether a violation may be intended, as where a system is built to show stick-slip.
     """
 
     name: str
@@ -124,7 +122,6 @@ class Condition:
     why: str
     change: str
     source: str
-    note: bool = False
 
     def __post_init__(self) -> None:
         """Keep the texts with their placeholders, such as ``{force}`` and ``{N_m}``, and fill in a linear axis."""

@@ -12,7 +12,7 @@ Response: TypeAlias = NDArray[np.complex128]
 
 
 def sampled_sensitivity(
-    frequency: NDArray[np.float64], m: float, s2: float, Kp: float, Kd: float, Ki: float, Ts: float, k: float = 0.0
+    frequency: NDArray[np.float64], m: float, s2: float, Kp: float, Kd: float, Ki: float, Ts: float
 ) -> Response:
     """Return the frequency response of the sampled loop, from a force held for Ts to the position at the samples.
 
@@ -20,17 +20,17 @@ def sampled_sensitivity(
     ----------
     frequency : float64 array, shape (n,)
         Frequencies up to 1/(2 Ts) [Hz].
-    m, s2, Kp, Kd, Ki, Ts, k : float
-        As in `sampled`.
+    m, s2, Kp, Kd, Ki, Ts : float
+        As in `closed_loop`.
 
     Returns
     -------
     complex128 array, shape (n,)
         First row of (z - A)^-1 b of the closed loop at z = exp(2 pi j frequency Ts) [m/N].
     """
-    A = closed_loop(m, s2, Kp, Kd, Ki, Ts, k)
+    A = closed_loop(m, s2, Kp, Kd, Ki, Ts)
     b = np.zeros(len(A))
-    b[:2] = held_mass(m, s2, k, Ts)[1]
+    b[:2] = held_mass(m, s2, Ts)[1]
     z = np.exp(2j * np.pi * np.asarray(frequency) * Ts)
     systems = z[:, None, None] * np.eye(len(A)) - A
     return np.asarray(np.linalg.solve(systems, np.broadcast_to(b[:, None], (len(z), len(b), 1)))[:, 0, 0])

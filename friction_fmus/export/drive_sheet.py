@@ -57,7 +57,7 @@ def in_percent(
 
 def lost(axis: IdentifiedAxis, kept: Collection[str] = ()) -> Iterator[str]:
     """Yield what a device cannot express of the friction of an axis, a sentence each."""
-    friction, u = find(axis.model).about.in_loop.friction, axis.words
+    friction, u = find(axis.model).about.friction, axis.words
     if friction is not None:
         contact = friction.contact(axis.parameters)
         level = contact.levels[0]

@@ -30,7 +30,6 @@ from casadi import SX, Function, symvar, vertcat
 from friction_fmus.blocks.axis_units import SLIDING
 from friction_fmus.blocks.block_declarations import About, Use, replaces_servo
 from friction_fmus.blocks.contact import Friction
-from friction_fmus.blocks.loop_role import InLoop, Loop
 from friction_fmus.errors import FrictionError, did_you_mean
 from friction_fmus.lawkit.declarations import (
     BOOLEANS,
@@ -94,7 +93,6 @@ __all__ = [
     "Kind",
     "Law",
     "LawVariable",
-    "Loop",
     "Output",
     "Parameter",
     "SampleTime",
@@ -275,7 +273,7 @@ def law(
     outputs: Mapping[str, LawVariable],
     conditions: Mapping[str, Relation] | None = None,
     sizes: Mapping[str, Size] | None = None,
-    loop: Loop | None = None,
+    friction: Friction | None = None,
     use: Use | None = None,
 ) -> Callable[[Equations], Law]:
     """Define a law by a function of casadi expressions.
@@ -298,8 +296,8 @@ def law(
         Parameters whose start values determine the length of vectors when the FMU is built.
     cites : optional
         See `About`.
-    loop : Loop, optional
-        Role of the law in a control loop, for ``friction-fmus doctor``; None if the doctor need not know the law.
+    friction : Friction, optional
+        Friction that the law compensates, see `About`; None if it has no friction model or a study excludes it.
     use : Use, optional
         How ``friction-fmus study`` uses the law; None excludes it from studies.
 
@@ -315,7 +313,7 @@ def law(
         If the law is invalid; the message says why in one sentence.
     """
 
-    about = About(in_loop=InLoop(law=loop), use=use, cites=tuple(cites))
+    about = About(friction=friction, use=use, cites=tuple(cites))
 
     def decorate(equations: Equations) -> Law:
         code = getattr(equations, "__code__", None)

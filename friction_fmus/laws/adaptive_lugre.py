@@ -2,7 +2,7 @@
 
 from casadi import SX, fabs, if_else, logic_and
 
-from friction_fmus.lawkit.law import Command, Friction, Loop, Output, Parameter, SampleTime, State, law, replaces_servo
+from friction_fmus.lawkit.law import Command, Output, Parameter, SampleTime, State, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import adapted, deflected, limited, relaxed, restarts, stribeck_level
 from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT
@@ -14,15 +14,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT
     source="Canudas de Wit, Lischinsky, Int. J. Adaptive Control and Signal Processing 11, 1997",
     cites=("CanudasLischinsky1997",),
     Ts=1e-3,
-    loop=Loop(
-        gains={"Kp": "Ks * lam", "Kd": "m * lam + Ks"},
-        friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),
-        measured=True,
-        at_rest=True,
-        linear={"gain": 0.0, "sigma0": 0.0, "sigma1": 0.0, "sigma2": 0.0},
-        adapts=("Gamma * max(Fc, Fs)**2", "Ks"),
-        rules=("feeds_stiffness_back",),
-    ),
     use=replaces_servo("model feedback"),
     outputs={
         **variables.TRACKING,
@@ -115,7 +106,7 @@ def adaptive_lugre(
     tracking = m * (rdd + lam * ed) + Ks * s
     rest, stiffness = tracking + gain * ((theta * sigma1 + sigma2) * v), gain * theta * (sigma0 - sigma1 * rate)
     kept = if_else(reset, 0.0, z)
-    most = level / if_else(track, sigma0, 1.0)  # finite for the doctor, which sets sigma0 to 0
+    most = level / sigma0
     old = deflected(track, u_track, rest, stiffness, most, u_min, u_max, kept)
     F_n = sigma0 * old + sigma1 * (v - rate * old)
     F_hat = theta * F_n + sigma2 * v

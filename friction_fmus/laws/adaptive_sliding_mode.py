@@ -2,7 +2,7 @@
 
 from casadi import SX, exp, fabs, if_else, sign
 
-from friction_fmus.lawkit.law import Command, Loop, Output, Parameter, SampleTime, State, law, replaces_servo
+from friction_fmus.lawkit.law import Command, Output, Parameter, SampleTime, State, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import adapted, clip, limited
 from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, MASS, VELOCITY
@@ -14,11 +14,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, MASS, VELOCI
     source="Slotine, Li: Applied Nonlinear Control, Prentice Hall 1991",
     cites=("SlotineLi1991",),
     Ts=1e-3,
-    loop=Loop(
-        gains={"Kp": "(Ks + K / phi) * lam", "Kd": "Ks + K / phi + m * lam"},
-        linear={},
-        adapts=("Gamma_c", "Ks + K / phi"),
-    ),
     use=replaces_servo("sliding mode"),
     outputs={
         **variables.TRACKING,

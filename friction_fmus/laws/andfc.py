@@ -2,7 +2,7 @@
 
 from casadi import SX, exp, fabs, if_else
 
-from friction_fmus.lawkit.law import Command, Friction, Loop, Output, Parameter, SampleTime, State, law, replaces_servo
+from friction_fmus.lawkit.law import Command, Output, Parameter, SampleTime, State, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import (
     clip,
@@ -23,15 +23,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, VEL
     source="Tan, Kanellakopoulos, American Control Conference, 1999",
     cites=("TanKanellakopoulos1999",),
     Ts=1e-3,
-    loop=Loop(
-        gains={"Kp": "Ks * lam", "Kd": "m * lam + Ks"},
-        friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),
-        measured=True,
-        at_rest=True,
-        linear={"gain": 0.0, "sigma0": 0.0, "sigma1": 0.0, "sigma2": 0.0},
-        adapts=("Gamma0 * max(Fc, Fs)**2 + sigma0 * k0", "Ks"),
-        rules=("feeds_stiffness_back",),
-    ),
     use=replaces_servo("model feedback"),
     outputs={
         **variables.TRACKING,
@@ -154,7 +145,7 @@ def andfc(
     others = [-sigma0 * sigma1 * flow * a1, (sigma1 + sigma2) * v]
     rest = tracking + gain * (thetas[1] * others[0] + thetas[2] * others[1])
     stiffness, kept = gain * thetas[0] * sigma0, if_else(fresh, 0.0, z0)
-    most = level / if_else(track, sigma0, 1.0)  # finite for the doctor, which sets sigma0 to 0
+    most = level / sigma0
     a0 = deflected(track, u_track, rest, stiffness, most, u_min, u_max, kept)
     parts = [sigma0 * a0, *others]
     bound = theta_max * if_else(Fs > Fc, Fs, Fc) + sigma2 * fabs(v)

@@ -2,7 +2,7 @@
 
 from casadi import SX, if_else
 
-from friction_fmus.lawkit.law import Loop, Parameter, SampleTime, State, law, replaces_servo
+from friction_fmus.lawkit.law import Parameter, SampleTime, State, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import carried, clip, limits, restarts, tracked, unless_winding_up
 from friction_fmus.lawkit.quantities import DAMPING, LENGTH, STIFFNESS
@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import DAMPING, LENGTH, STIFFNESS
     source="Jamaludin, Van Brussel, Swevers, IEEE TIE 56(10), 2009",
     cites=("Jamaludin2009",),
     Ts=1e-3,
-    loop=Loop(gains={"Kp": "kv * kp + ki", "Kd": "kv", "Ki": "ki * kp", "m": "m"}, linear={}),
     use=replaces_servo("integral"),
     outputs=variables.CONTROL,
 )

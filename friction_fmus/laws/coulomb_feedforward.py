@@ -2,7 +2,7 @@
 
 from casadi import SX, if_else, logic_and
 
-from friction_fmus.lawkit.law import Friction, Loop, Parameter, Switch, Use, law
+from friction_fmus.lawkit.law import Friction, Parameter, Switch, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import direction, limited
 from friction_fmus.lawkit.quantities import FORCE
@@ -14,7 +14,7 @@ from friction_fmus.lawkit.quantities import FORCE
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     cites=("ArmstrongHelouvry1994",),
     Ts=1e-3,
-    loop=Loop(friction=Friction("Fc"), inertia="m"),
+    friction=Friction("Fc"),
     use=Use("feedforward", models=("Coulomb", "Stribeck"), tuned={"m": "0", "v_rest": "1e-6 * speed"}),
     outputs=variables.FEEDFORWARD,
 )

@@ -2,7 +2,7 @@
 
 from casadi import SX, expm1, fabs, if_else, log1p, logic_and, sign
 
-from friction_fmus.lawkit.law import Friction, Loop, Output, Parameter, State, Use, law
+from friction_fmus.lawkit.law import Friction, Output, Parameter, State, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import deflected, increment, limited, when
 from friction_fmus.lawkit.quantities import DAMPING, LENGTH, NO_UNIT, STIFFNESS
@@ -23,7 +23,7 @@ def closed(gap: SX, path: SX, n: SX) -> SX:
     source="Lampaert, Swevers, Al-Bender, American Control Conference, 2004; Dahl, AIAA Journal 14(12), 1976",
     cites=("Lampaert2004", "Dahl1976"),
     Ts=1e-3,
-    loop=Loop(friction=Friction("Fc", viscous="Fv"), inertia="m"),
+    friction=Friction("Fc", viscous="Fv"),
     use=Use("feedforward", models=("Dahl",), tuned={"m": "0"}),
     outputs={
         "u": variables.U_FORWARD,

@@ -2,7 +2,7 @@
 
 from casadi import SX, fabs, if_else, logic_or, sign
 
-from friction_fmus.lawkit.law import Friction, Input, Loop, Output, Parameter, Use, law
+from friction_fmus.lawkit.law import Friction, Input, Output, Parameter, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import clip, limited
 from friction_fmus.lawkit.quantities import FORCE, VELOCITY
@@ -14,7 +14,7 @@ from friction_fmus.lawkit.quantities import FORCE, VELOCITY
     source="Interpretation of a description without an identified source",
     cites=("DeadZoneTorque",),
     Ts=1e-3,
-    loop=Loop(friction=Friction("Fc", "T_dz", "Fv"), inertia="m", amplifies="1 + gain"),
+    friction=Friction("Fc", "T_dz", "Fv"),
     use=Use(
         "feedforward",
         models=("DeadZoneTorque",),

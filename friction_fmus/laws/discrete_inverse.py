@@ -2,7 +2,7 @@
 
 from casadi import SX, floor, if_else, logic_and, logic_not, logic_or
 
-from friction_fmus.lawkit.law import Command, Input, Loop, Output, Parameter, Size, State, Switch, Use, law
+from friction_fmus.lawkit.law import Command, Input, Output, Parameter, Size, State, Switch, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import clip, filled, limits
 from friction_fmus.lawkit.quantities import FORCE, LENGTH, NO_UNIT
@@ -23,7 +23,6 @@ def square(pair: SX) -> SX:
     source="Gross, Tomizuka, Messner, ASME JDSMC 116(1), 1994; Tomizuka, ASME JDSMC 109(1), 1987",
     cites=("Gross1994", "Tomizuka1987"),
     Ts=1e-3,
-    loop=Loop(rules=("looks_ahead",)),
     use=Use("feedforward", never="It inverts a linear plant without friction."),
     outputs={
         "u": variables.U_FORWARD,

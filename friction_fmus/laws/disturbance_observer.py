@@ -4,7 +4,7 @@ from math import pi, sqrt
 
 from casadi import SX, cos, exp, expm1, if_else, logic_and, logic_not, sin
 
-from friction_fmus.lawkit.law import Command, Input, Loop, Output, Parameter, SampleTime, State, Switch, Use, law
+from friction_fmus.lawkit.law import Command, Input, Output, Parameter, SampleTime, State, Switch, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import carried, clip, elapsed, limited, starts_now
 from friction_fmus.lawkit.quantities import FORCE, FREQUENCY, VELOCITY
@@ -16,7 +16,6 @@ from friction_fmus.lawkit.quantities import FORCE, FREQUENCY, VELOCITY
     source="Ohnishi, Shibata, Murakami, IEEE/ASME Trans. Mechatronics 1(1), 1996",
     cites=("Ohnishi1996", "Jamaludin2009"),
     Ts=1e-3,
-    loop=Loop(linear={}, estimates=True),
     use=Use("estimator", tuned={"m": "m", "fq": "corner", "second_order": "1"}),
     outputs={
         "u": variables.U_COMPENSATION,

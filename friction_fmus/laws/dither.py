@@ -4,7 +4,7 @@ from math import pi
 
 from casadi import SX, fabs, floor, if_else, sin
 
-from friction_fmus.lawkit.law import Command, Input, Loop, Output, Parameter, SampleTime, State, Use, law
+from friction_fmus.lawkit.law import Command, Input, Output, Parameter, SampleTime, State, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import clip, limits
 from friction_fmus.lawkit.quantities import FORCE, FREQUENCY, NO_UNIT
@@ -16,8 +16,7 @@ from friction_fmus.lawkit.quantities import FORCE, FREQUENCY, NO_UNIT
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     cites=("ArmstrongHelouvry1994",),
     Ts=1e-4,
-    loop=Loop(rules=("dithers",)),
-    use=Use("dither", tuned={"Ad": "1.5 * level", "frequency": "0.1 / Ts"}),
+    use=Use("dither", tuned={"Ad": "1.5 * level", "frequency": "0.1 / Ts"}, rule="dither_stroke"),
     outputs={"u": Output(FORCE, "f with the dither, within u_min and u_max"), "u_sat": variables.U_SAT},
     conditions={"frequency < 1/(2 Ts)": lambda frequency, Ts: 2.0 * frequency * Ts < 1.0},
 )

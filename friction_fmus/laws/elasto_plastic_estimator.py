@@ -2,7 +2,7 @@
 
 from casadi import SX, exp, fabs, if_else, sign
 
-from friction_fmus.lawkit.law import Command, Friction, Input, Loop, Parameter, State, Use, law
+from friction_fmus.lawkit.law import Command, Friction, Input, Parameter, State, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import clip, deflected, limited, starts_now
 from friction_fmus.lawkit.quantities import LENGTH, NO_UNIT, STIFFNESS, VELOCITY
@@ -14,7 +14,7 @@ from friction_fmus.lawkit.quantities import LENGTH, NO_UNIT, STIFFNESS, VELOCITY
     source="Hayward, Armstrong, Altpeter, Dupont, IEEE TCST 17(3), 2009",
     cites=("Hayward2009", "Dupont2002"),
     Ts=1e-3,
-    loop=Loop(friction=Friction("Fc", viscous="Fv"), measured=True, at_rest=True, rules=("feeds_stiffness_back",)),
+    friction=Friction("Fc", viscous="Fv", stiffness="sigma0"),
     use=Use(
         "model feedback",
         models=("ElastoPlastic", "LuGre"),

@@ -4,7 +4,7 @@ import math
 
 from casadi import SX, atan2, cos, expm1, fabs, if_else, log1p, logic_and, sign, sin
 
-from friction_fmus.lawkit.law import Friction, Loop, Output, Parameter, SampleTime, State, Use, law
+from friction_fmus.lawkit.law import Friction, Output, Parameter, SampleTime, State, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import (
     at_most,
@@ -71,7 +71,7 @@ def slid(z: SX, u: SX, z_max: SX, z_ba: SX) -> SX:
     source="Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002",
     cites=("Dupont2002",),
     Ts=1e-3,
-    loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
+    friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),
     use=Use("feedforward", models=("ElastoPlastic",), tuned={"m": "0"}),
     outputs={
         "u": variables.U_FORWARD,

@@ -2,7 +2,7 @@
 
 from casadi import SX, exp, if_else
 
-from friction_fmus.lawkit.law import Command, Loop, Output, Parameter, SampleTime, State, Use, law
+from friction_fmus.lawkit.law import Command, Output, Parameter, SampleTime, State, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import carried, clip, elapsed, limited, starts_now
 from friction_fmus.lawkit.quantities import FORCE, VELOCITY
@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import FORCE, VELOCITY
     source="Gao, American Control Conference, 2003",
     cites=("Gao2003",),
     Ts=1e-3,
-    loop=Loop(gains={"Kp": "m * wc**2", "Kd": "2 * m * wc"}, linear={}, estimates=True),
     use=Use("estimator", tuned={"m": "m", "wo": "observed", "wc": "bandwidth"}, output="F_hat"),
     outputs={**variables.TRACKING, "v_est": Output(VELOCITY, "estimated velocity")},
 )

@@ -2,7 +2,7 @@
 
 from casadi import SX, ceil, exp, fabs, if_else, logic_and, logic_or
 
-from friction_fmus.lawkit.law import Friction, Input, Loop, Output, Parameter, SampleTime, Use, law
+from friction_fmus.lawkit.law import Friction, Input, Output, Parameter, SampleTime, Use, law
 from friction_fmus.lawkit.parts import maxwell_slip, variables
 from friction_fmus.lawkit.parts.expressions import deflected, elapsed, increment, limited, stribeck_level, when
 from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide, weights
@@ -15,7 +15,7 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, NO_UNIT
     source="Lampaert, Swevers, Al-Bender, ACC 2004; Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005",
     cites=("Lampaert2004", "AlBender2005"),
     Ts=1e-3,
-    loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
+    friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),
     use=Use("feedforward", models=("GMS",), tuned={"m": "0"}),
     outputs={
         "u": variables.U_FORWARD,

@@ -2,7 +2,7 @@
 
 from casadi import SX, exp, fabs, if_else, logic_and, logic_not
 
-from friction_fmus.lawkit.law import Command, Friction, Loop, Parameter, SampleTime, Use, law
+from friction_fmus.lawkit.law import Command, Friction, Parameter, SampleTime, Use, law
 from friction_fmus.lawkit.parts import maxwell_slip, variables
 from friction_fmus.lawkit.parts.expressions import deflected, limited, restarts, stribeck_level
 from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide, weights
@@ -14,12 +14,7 @@ from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide, weights
     source="Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005 (model); this library (observer)",
     cites=("AlBender2005", "CanudasDeWit1995"),
     Ts=1e-3,
-    loop=Loop(
-        friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),
-        measured=True,
-        at_rest=True,
-        rules=("feeds_stiffness_back",),
-    ),
+    friction=Friction("Fc", "Fs", "sigma2", "vs", "delta", stiffness="sum(k)"),
     use=Use("model feedback", models=("GMS",)),
     outputs=variables.COMPENSATION,
     conditions=maxwell_slip.CONDITIONS,

@@ -2,7 +2,7 @@
 
 from casadi import SX
 
-from friction_fmus.lawkit.law import Loop, Output, Parameter, SampleTime, law, replaces_servo
+from friction_fmus.lawkit.law import Output, Parameter, SampleTime, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import clip, limited
 from friction_fmus.lawkit.quantities import FORCE, NO_UNIT
@@ -14,9 +14,6 @@ from friction_fmus.lawkit.quantities import FORCE, NO_UNIT
     source="Acary, Brogliato, Systems and Control Letters 59(5), 2010",
     cites=("AcaryBrogliato2010", "Kikuuwe2006"),
     Ts=1e-3,
-    loop=Loop(
-        gains={"Kp": "gain * m / Ts * lam", "Kd": "gain * m / Ts + m * lam"}, linear={}, rules=("covers_friction",)
-    ),
     use=replaces_servo("sliding mode"),
     outputs={
         "u": variables.U_CONTROL,

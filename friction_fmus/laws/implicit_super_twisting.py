@@ -2,7 +2,7 @@
 
 from casadi import SX, fabs, if_else, sign, sqrt
 
-from friction_fmus.lawkit.law import Command, Loop, Parameter, SampleTime, State, law, replaces_servo
+from friction_fmus.lawkit.law import Command, Parameter, SampleTime, State, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import carried, clip, limited, restarts, unless_winding_up
 from friction_fmus.lawkit.quantities import FORCE, NO_UNIT
@@ -14,11 +14,6 @@ from friction_fmus.lawkit.quantities import FORCE, NO_UNIT
     source="Levant, Automatica 34(3), 1998; Brogliato, Polyakov, Efimov, IEEE TAC 65(8), 2020",
     cites=("Levant1998", "Brogliato2020"),
     Ts=1e-3,
-    loop=Loop(
-        gains={"Kp": "(1 + gain) * m / Ts * lam", "Kd": "(1 + gain) * m / Ts + m * lam"},
-        linear={},
-        rules=("follows_friction",),
-    ),
     use=replaces_servo("sliding mode"),
     outputs=variables.TRACKING,
 )

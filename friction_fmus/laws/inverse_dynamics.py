@@ -2,7 +2,7 @@
 
 from casadi import SX
 
-from friction_fmus.lawkit.law import Command, Friction, Input, Loop, Output, Parameter, Use, law
+from friction_fmus.lawkit.law import Command, Friction, Input, Output, Parameter, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import limited, when
 from friction_fmus.lawkit.quantities import DAMPING, FORCE, JERK, LENGTH, MASS, VELOCITY
@@ -14,7 +14,7 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, JERK, LENGTH, MASS, 
     source="Boerlage, Tousain, Steinbuch, American Control Conference, 2004 (jerk derivative feedforward)",
     cites=("Boerlage2004",),
     Ts=1e-3,
-    loop=Loop(friction=Friction(viscous="Fv + Fv_load"), inertia="m + m_load"),
+    friction=Friction(viscous="Fv + Fv_load"),
     use=Use("feedforward", models=("Viscous", "Stribeck"), tuned={"m": "0"}),
     outputs={
         "u": variables.U_FORWARD,

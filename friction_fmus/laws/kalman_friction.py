@@ -2,7 +2,7 @@
 
 from casadi import SX, if_else
 
-from friction_fmus.lawkit.law import Command, Input, Loop, Output, Parameter, SampleTime, State, Switch, Use, law
+from friction_fmus.lawkit.law import Command, Input, Output, Parameter, SampleTime, State, Switch, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import carried, clip, corrected, elapsed, limited, starts_now
 from friction_fmus.lawkit.quantities import FORCE, LENGTH, NO_UNIT, VELOCITY
@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import FORCE, LENGTH, NO_UNIT, VELOCITY
     source="Ray, Ramasubramanian, Townsend, Control Engineering Practice 9(2), 2001",
     cites=("Ray2001", "AndersonMoore1979"),
     Ts=1e-3,
-    loop=Loop(linear={}, estimates=True),
     use=Use(
         "estimator",
         tuned={"m": "m", "x_noise": "x_noise", "v_noise": "v_noise", "F_step": "m * x_noise * Ts * observed**3"},

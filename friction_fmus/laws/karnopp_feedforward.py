@@ -2,7 +2,7 @@
 
 from casadi import SX, fabs, if_else, logic_or, sign
 
-from friction_fmus.lawkit.law import Friction, Loop, Parameter, Use, law
+from friction_fmus.lawkit.law import Friction, Parameter, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import clip, limited
 from friction_fmus.lawkit.quantities import MASS, VELOCITY
@@ -14,7 +14,7 @@ from friction_fmus.lawkit.quantities import MASS, VELOCITY
     source="Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985; Johnson, Lorenz, 1992",
     cites=("Karnopp1985", "JohnsonLorenz1992"),
     Ts=1e-3,
-    loop=Loop(friction=Friction("Fc", "Fs", "Fv"), inertia="m"),
+    friction=Friction("Fc", "Fs", "Fv"),
     use=Use(
         "feedforward",
         models=("Karnopp", "Stribeck"),

@@ -4,7 +4,7 @@ from math import pi
 
 from casadi import SX, cos, fabs, floor, sign, sin
 
-from friction_fmus.lawkit.law import Command, Loop, Output, Parameter, Use, law
+from friction_fmus.lawkit.law import Command, Output, Parameter, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import direction, limited, when
 from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, MASS, NO_UNIT
@@ -16,7 +16,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, MASS, NO_UNI
     source="Duclusaud, Passault, Padois, Ly, IEEE International Conference on Robotics and Automation, 2025 (load)",
     cites=("Duclusaud2025",),
     Ts=1e-3,
-    loop=Loop(inertia="m"),
     use=Use("feedforward", never="A study adds it by itself to an axis with gravity or load."),
     outputs={
         "u": variables.U_FORWARD,

@@ -2,7 +2,7 @@
 
 from casadi import SX, fabs, if_else, logic_and, sign
 
-from friction_fmus.lawkit.law import Friction, Loop, Output, Parameter, SampleTime, State, Switch, Use, law
+from friction_fmus.lawkit.law import Friction, Output, Parameter, SampleTime, State, Switch, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import (
     deflected,
@@ -24,7 +24,7 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, VEL
     source="Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995; Lampaert, Swevers, Al-Bender, ACC 2004",
     cites=("CanudasDeWit1995", "Lampaert2004"),
     Ts=1e-3,
-    loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
+    friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),
     use=Use("feedforward", models=("LuGre",), tuned={"m": "0"}),
     outputs={
         "u": variables.U_FORWARD,

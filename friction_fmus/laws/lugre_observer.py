@@ -2,7 +2,7 @@
 
 from casadi import SX, fabs, if_else
 
-from friction_fmus.lawkit.law import Command, Friction, Loop, Parameter, SampleTime, State, Use, law
+from friction_fmus.lawkit.law import Command, Friction, Parameter, SampleTime, State, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import (
     acting,
@@ -23,12 +23,7 @@ from friction_fmus.lawkit.quantities import LENGTH
     source="Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995",
     cites=("CanudasDeWit1995",),
     Ts=1e-3,
-    loop=Loop(
-        friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),
-        measured=True,
-        at_rest=True,
-        rules=("injection_of_error", "feeds_stiffness_back"),
-    ),
+    friction=Friction("Fc", "Fs", "sigma2", "vs", "delta", stiffness="sigma0"),
     use=Use("model feedback", models=("LuGre",)),
     outputs=variables.COMPENSATION,
 )

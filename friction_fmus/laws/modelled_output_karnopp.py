@@ -2,7 +2,7 @@
 
 from casadi import SX, exp, fabs, if_else, sign
 
-from friction_fmus.lawkit.law import Command, Friction, Loop, Parameter, SampleTime, State, law, replaces_servo
+from friction_fmus.lawkit.law import Command, Parameter, SampleTime, State, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import clip, limited
 from friction_fmus.lawkit.quantities import DAMPING, MASS, VELOCITY
@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import DAMPING, MASS, VELOCITY
     source="Karnopp, ASME J. Dynamic Systems, Measurement and Control 107, 1985 (the friction)",
     cites=("Karnopp1985",),
     Ts=1e-3,
-    loop=Loop(gains={"Kp": "CV * KP", "Kd": "CV"}, friction=Friction("Fc", "Fs", "Fv"), linear={}),
     use=replaces_servo("model feedback"),
     outputs=variables.TRACKING,
 )

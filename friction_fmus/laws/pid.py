@@ -2,7 +2,7 @@
 
 from casadi import SX, fabs, if_else, logic_and, logic_or, sign
 
-from friction_fmus.lawkit.law import Loop, Parameter, SampleTime, State, law, replaces_servo
+from friction_fmus.lawkit.law import Parameter, SampleTime, State, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import carried, clip, limits, restarts, tracked, unless_winding_up
 from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, STIFFNESS, VELOCITY
@@ -14,10 +14,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, STI
     source="Astrom, Hagglund: Advanced PID Control, ISA 2006",
     cites=("AstromHagglund2006", "ArmstrongAmin1996"),
     Ts=1e-3,
-    loop=Loop(
-        gains={name: name for name in ("Kp", "Kd", "Ki", "db", "m", "reversal")} | {"turned": "Fc_turned"},
-        linear={"db": 0.0, "v_zc": 0.0, "reversal": 1.0, "Fc_turned": 0.0},
-    ),
     use=replaces_servo("integral"),
     outputs=variables.CONTROL,
 )

@@ -2,7 +2,7 @@
 
 from casadi import SX, if_else
 
-from friction_fmus.lawkit.law import Command, Loop, Output, Parameter, SampleTime, Use, law
+from friction_fmus.lawkit.law import Command, Output, Parameter, SampleTime, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import carried, clip, elapsed, limited, starts_now
 from friction_fmus.lawkit.quantities import FORCE, VELOCITY
@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import FORCE, VELOCITY
     source="Crassidis, Markley, Journal of Guidance, Control, and Dynamics 20(3), 1997",
     cites=("CrassidisMarkley1997", "Ray2001"),
     Ts=1e-3,
-    loop=Loop(linear={}, estimates=True),
     use=Use(
         "estimator",
         tuned={

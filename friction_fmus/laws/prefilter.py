@@ -3,7 +3,7 @@
 from casadi import SX, if_else
 
 from friction_fmus.blocks.block_declarations import SHAPES_REFERENCE, Use
-from friction_fmus.lawkit.law import Command, Input, Loop, Output, Parameter, SampleTime, State, law
+from friction_fmus.lawkit.law import Command, Input, Output, Parameter, SampleTime, State, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import reference_shift, settles_fast, settles_slowly, when
 from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, STIFFNESS, VELOCITY
@@ -15,7 +15,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, STI
     source="Identity C R r = C r + F r",
     cites=("FrictionFmus2026",),
     Ts=1e-3,
-    loop=Loop(shapes=True),
     use=Use("feedforward", never=SHAPES_REFERENCE),
     outputs={
         "r_out": Output(LENGTH, "reference position for the controller"),

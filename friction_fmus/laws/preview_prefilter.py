@@ -3,7 +3,7 @@
 from casadi import SX, if_else, logic_or
 
 from friction_fmus.blocks.block_declarations import SHAPES_REFERENCE, Use
-from friction_fmus.lawkit.law import Command, Input, Loop, Output, Parameter, SampleTime, State, law
+from friction_fmus.lawkit.law import Command, Input, Output, Parameter, SampleTime, State, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import at_most, filled, reference_shift, settles_fast, settles_slowly, when
 from friction_fmus.lawkit.quantities import ACCELERATION, DAMPING, FORCE, LENGTH, NO_UNIT, STIFFNESS, VELOCITY
@@ -20,7 +20,6 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
     source="Identity C R r = C r + F r; Fornberg, Mathematics of Computation 51(184), 1988 (differences)",
     cites=("Fornberg1988",),
     Ts=1e-3,
-    loop=Loop(shapes=True),
     use=Use("feedforward", never=SHAPES_REFERENCE),
     outputs={
         "r_out": Output(LENGTH, "reference position for the controller"),

@@ -2,7 +2,7 @@
 
 from casadi import SX, if_else, logic_or, sign
 
-from friction_fmus.lawkit.law import Loop, Output, Parameter, SampleTime, State, law, replaces_servo
+from friction_fmus.lawkit.law import Output, Parameter, SampleTime, State, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import carried, clip, limits, restarts, tracked, unless_winding_up
 from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, MASS, NO_UNIT, STIFFNESS
@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, MASS, NO_UNI
     source="This library; the idea from Beerens et al., Automatica 107, 2019",
     cites=("Beerens2019",),
     Ts=1e-3,
-    loop=Loop(gains={"Kp": "Kp", "Kd": "Kd", "Ki": "Ki", "m": "m"}, linear={}, hunts=False),
     use=replaces_servo("integral"),
     outputs={**variables.CONTROL, "jumped": Output(NO_UNIT, "1 in a sample in which the integral jumps")},
 )

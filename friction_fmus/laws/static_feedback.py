@@ -2,7 +2,7 @@
 
 from casadi import SX, fabs
 
-from friction_fmus.lawkit.law import Friction, Loop, Parameter, Use, law
+from friction_fmus.lawkit.law import Friction, Parameter, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import clip, limited, stribeck_level
 from friction_fmus.lawkit.quantities import VELOCITY
@@ -14,7 +14,7 @@ from friction_fmus.lawkit.quantities import VELOCITY
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     cites=("ArmstrongHelouvry1994",),
     Ts=1e-3,
-    loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "delta"), measured=True),
+    friction=Friction("Fc", "Fs", "Fv", "vs", "delta"),
     use=Use("model feedback", models=("Stribeck",), tuned={"vt": "max(2 * max(Fs, Fc) / Kd, 5 * v_noise, 1e-9)"}),
     outputs=variables.COMPENSATION,
 )

@@ -2,7 +2,7 @@
 
 from casadi import SX, fabs, if_else, logic_and
 
-from friction_fmus.lawkit.law import Friction, Loop, Parameter, Switch, Use, law
+from friction_fmus.lawkit.law import Friction, Parameter, Switch, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import direction, limited, load_of, stribeck_level
 from friction_fmus.lawkit.quantities import DAMPING, FORCE, NO_UNIT, VELOCITY
@@ -14,7 +14,7 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, NO_UNIT, VELOCITY
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     cites=("ArmstrongHelouvry1994",),
     Ts=1e-3,
-    loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "delta"), inertia="m"),
+    friction=Friction("Fc", "Fs", "Fv", "vs", "delta"),
     use=Use("feedforward", models=("Stribeck",), tuned={"m": "0", "v_rest": "1e-6 * speed"}),
     outputs=variables.FEEDFORWARD,
 )

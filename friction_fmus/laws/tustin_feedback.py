@@ -2,7 +2,7 @@
 
 from casadi import SX, exp, fabs, floor, if_else, sign
 
-from friction_fmus.lawkit.law import Friction, Loop, Output, Parameter, Use, law
+from friction_fmus.lawkit.law import Friction, Output, Parameter, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import limited, periodic_table
 from friction_fmus.lawkit.quantities import FORCE, LENGTH, NO_UNIT, VELOCITY
@@ -16,7 +16,7 @@ POINTS = 16
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     cites=("ArmstrongHelouvry1994", "Tustin1947"),
     Ts=1e-3,
-    loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "1"), measured=True),
+    friction=Friction("Fc", "Fs", "Fv", "vs", "1"),
     use=Use("model feedback", models=("Tustin", "Stribeck"), tuned={"v_min": "max(5 * v_noise, 1e-3 * speed, 1e-9)"}),
     outputs={
         "u": Output(FORCE, "compensation {force}, within u_min and u_max"),

@@ -425,7 +425,7 @@ SECTIONS: Final[Mapping[str, Section]] = {
         },
         folded=True,
     ),
-    "doctor": Section("Conditions of the loop", folded=True, compares=True),
+    "conditions": Section("Conditions of the loop", folded=True, compares=True),
     "files": Section("Files", folded=True),
     "again": Section("Reproduction", folded=True),
     "sources": Section("Citations", lambda study: {"sources": sources(study)}, folded=True),

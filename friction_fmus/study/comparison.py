@@ -12,11 +12,10 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from friction_fmus.axis.loop_assembly import PartPool, block
+from friction_fmus.axis.loop_assembly import block
 from friction_fmus.axis.servo import GAINS, Compensator, Servo
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.catalogue import find, summary_of
-from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.study.compensators import (
     INTEGRAL,
@@ -39,8 +38,8 @@ from friction_fmus.study.evaluation import (
     Scheme,
     cases,
     evaluate,
-    system_of,
 )
+from friction_fmus.study.loop_conditions import loop_conditions
 from friction_fmus.study.margins import margins_of
 from friction_fmus.study.recommendation import (
     AS_MEASURED,
@@ -284,7 +283,7 @@ class _Contest:
                 self.rows[row.name] = replace(known, metrics=each.metrics, corners=each.corners)
 
     def join(self, candidates: Sequence[Candidate], u: Words) -> None:
-        """Run the best feedforwards with the best estimators, without those to which the doctor objects."""
+        """Run the best feedforwards with the best estimators, without those that violate a condition."""
         by_name, ranked = {candidate.name: candidate for candidate in candidates}, self.ranked()
 
         def best(*kinds: str) -> list[Candidate]:
@@ -326,9 +325,7 @@ class _Contest:
 
 def _violated(bench: AxisBench, scheme: Scheme) -> dict[str, str]:
     """Return the conditions that an axis clearly violates, by name."""
-    with PartPool() as pool:
-        findings = examine(system_of(bench, scheme, pool))
-    violated = [finding.condition for finding in findings if not finding.condition.ok]
+    violated = [c for c in loop_conditions(bench, scheme) if not c.ok]
     return {c.name: c.wrong for c in violated if c.name not in bench.unsure and clear(bench, c.value, c.bound)}
 
 

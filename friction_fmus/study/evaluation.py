@@ -53,9 +53,7 @@ class AxisBench:
     model_error: float = 0.0  # rms error of this axis on the recorded motion [m]
     unexplained: float = 0.0  # part of the drive force that its model does not explain
     band: float = 0.0  # error below which the axis has settled after a reversal [m]; 0 if it is not known yet
-    unsure: tuple[
-        str, ...
-    ] = ()  # conditions of the doctor that depend on parameters which the record does not determine
+    unsure: tuple[str, ...] = ()  # conditions that depend on parameters which the record does not determine
 
     @property
     def bandwidth(self) -> float:

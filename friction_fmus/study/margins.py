@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -12,10 +12,11 @@ from friction_fmus.axis.drive_filters import coefficients
 from friction_fmus.axis.loop_assembly import block
 from friction_fmus.axis.servo import GAINS, AxisPlant, Compensator, Servo
 from friction_fmus.blocks.catalogue import find
+from friction_fmus.blocks.contact import AxisFriction, Level
 from friction_fmus.conditions import DrivenPlant, PathDynamics, SampledLaw, chain, on_bristles, one_mass, two_masses
 from friction_fmus.conditions.chain import Margins, loop_margins
 from friction_fmus.conditions.condition import spectral_radius
-from friction_fmus.doctor.roles import law_of, linearised
+from friction_fmus.study.linear_laws import FILTERS, linearised, named
 from friction_fmus.study.study_result import LoopMargins
 from harness import FmuPart
 
@@ -43,7 +44,7 @@ def margins_of(
     for at, driven in operating_points(plant, speed):
         if not at and not _rests(servo, driven):
             continue
-        laws = _laws(servo, compensator if kind not in OPEN_LOOP else None, kind, gain, at)
+        laws = laws_of(servo, compensator if kind not in OPEN_LOOP else None, kind, gain, at)
         if laws is None:
             return None
         found.append(loop_margins(driven, laws, servo.Ts, path_of(servo)))
@@ -64,7 +65,7 @@ def _rests(servo: Servo, driven: DrivenPlant) -> bool:
     The measured axis was at rest with it: otherwise the record does not determine stiffness and damping of the contact,
     and margins at rest say nothing about the axis.
     """
-    laws = _laws(replace(servo, gains={**servo.gains, GAINS[servo.law][-1]: 0.0}), None, "", 1.0, 0.0)
+    laws = laws_of(replace(servo, gains={**servo.gains, GAINS[servo.law][-1]: 0.0}))
     return laws is not None and spectral_radius(chain(driven, laws, servo.Ts, path_of(servo))) < 1.0
 
 
@@ -96,62 +97,80 @@ def tolerated_resonance(servo: Servo, plant: AxisPlant, laws: Sequence[SampledLa
     return 0.0
 
 
+def viscous_beside(plant: AxisPlant) -> float:
+    """Return the coefficient of the viscous friction beside the friction block [N.s/m]."""
+    friction = find(plant.friction).about.friction
+    return plant.values.get("Fv", 0.0) if friction is None or friction.viscous == "0" else 0.0
+
+
+def driven(plant: AxisPlant, damping: float, stiffness: float = 0.0) -> DrivenPlant:
+    """Return the mass of an axis, or its motor and load, with damping and stiffness to ground."""
+    if plant.load is None:
+        return one_mass(plant.mass, damping, stiffness)
+    p, at_load = plant.load.parameters(plant.mass), plant.load.friction
+    damped, held = (((1.0 - at_load) * each, at_load * each) for each in (damping, stiffness))
+    return two_masses(p["m1"], p["m2"], p["k"], p["d"], damped, held)
+
+
+def sliding(
+    plant: AxisPlant, contact: AxisFriction, level: Level, beside: float, speed: float, slope: float
+) -> DrivenPlant:
+    """Return an axis linearised about steady sliding, where its friction has this slope over the speed."""
+    size = float(level.at(np.array([speed]))[0])
+    if not contact.stiffness or size <= 0.0:
+        return driven(plant, level.viscous + beside + slope)
+    found = driven(plant, level.viscous + beside)
+    p, at_load = (
+        ({"m1": plant.mass}, 0.0) if plant.load is None else (plant.load.parameters(plant.mass), plant.load.friction)
+    )
+    for at, mass, share in ((1, "m1", 1.0 - at_load), (3, "m2", at_load)):
+        if share:
+            bristles = share * contact.stiffness, share * contact.damping, share * size, share * slope
+            found = on_bristles(found, at, p[mass], *bristles, speed)
+    return found
+
+
 def operating_points(plant: AxisPlant, speed: float) -> list[tuple[float, DrivenPlant]]:
     """Return the plant linearised in sliding at a speed and, if its contact is elastic, at rest, with the speeds."""
-    friction = find(plant.friction).about.in_loop.friction
-    m = plant.mass
-
-    def axis(damping: float, stiffness: float = 0.0) -> DrivenPlant:
-        if plant.load is None:
-            return one_mass(m, damping, stiffness)
-        p, at_load = plant.load.parameters(m), plant.load.friction
-        damped, held = (((1.0 - at_load) * each, at_load * each) for each in (damping, stiffness))
-        return two_masses(p["m1"], p["m2"], p["k"], p["d"], damped, held)
-
+    friction = find(plant.friction).about.friction
     if friction is None or speed <= 0.0:
-        return [(speed, axis(0.0))]
-    contact = friction.contact(plant.values)
-    level = contact.levels[0]
-    near = speed * np.array([0.99, 1.01])
+        return [(speed, driven(plant, 0.0))]
+    contact, beside = friction.contact(with_starts(plant.friction, plant.values)), viscous_beside(plant)
+    level, near = contact.levels[0], speed * np.array([0.99, 1.01])
     low, high = level.at(near)
-    slope = float((high - low) / (near[1] - near[0]))
-    beside = plant.values.get("Fv", 0.0) if friction.viscous == "0" else 0.0
-    if not contact.stiffness:
-        return [(speed, axis(level.viscous + beside + slope))]
-    size = float(level.at(np.array([speed]))[0])
-    if plant.load is not None or size <= 0.0:  # the slope of the friction without the lag of two sets of bristles
-        sliding = axis(level.viscous + beside + (slope if plant.load is not None else 0.0))
-    else:
-        bare = one_mass(m, level.viscous + beside)
-        sliding = on_bristles(bare, 1, m, contact.stiffness, contact.damping, size, slope, speed)
-    return [(speed, sliding), (0.0, axis(contact.damping + contact.viscous + beside, contact.stiffness))]
+    found = [(speed, sliding(plant, contact, level, beside, speed, float((high - low) / (near[1] - near[0]))))]
+    if contact.stiffness:
+        found.append((0.0, driven(plant, contact.damping + contact.viscous + beside, contact.stiffness)))
+    return found
 
 
-def _laws(
-    servo: Servo, compensator: Compensator | None, kind: str, gain: float, speed: float
-) -> Sequence[SampledLaw] | None:
+def laws_of(
+    servo: Servo, compensator: Compensator | None = None, kind: str = "", gain: float = 1.0, speed: float = 0.0
+) -> list[SampledLaw] | None:
     """Return the linear laws in the loop; None if one of them cannot be linearised."""
-    feedback = law_of(servo.law)
-    assert feedback is not None
-    assert feedback.linear is not None
-    laws = [feedback.linear(servo.gains, servo.Ts)]
+    laws = [linearised(servo.law, servo.gains, servo.Ts)]
     if compensator is None:
         return laws
     limits = {"u_min": -servo.force_limit, "u_max": servo.force_limit}
-    values = {**limits, **compensator.values}
-    if find(compensator.model).is_law:
+    values, found = {**limits, **compensator.values}, find(compensator.model)
+    if found.is_law:
         at = speed if kind == "model feedback" else 0.0  # the other laws are linear
         law = linearised(compensator.model, values, servo.Ts, compensator.output, at)
         if kind == "model feedback" and speed == 0.0:
             law = replace(law, A=(1.0 - LEAK) * law.A)
     else:
-        known = law_of(compensator.model)
-        if known is None or known.linear is None:
+        use = found.about.use
+        if use is None or not use.linear:
             return None
-        part = FmuPart("law", block(compensator.model))
-        starts = {port.name: float(port.start) for port in part.parameters if isinstance(port.start, (int, float))}
-        law = known.linear({**starts, **values}, servo.Ts)
+        starts = with_starts(compensator.model, compensator.values)
+        law = named(use.linear, FILTERS, "LINEAR", found.name)(starts, servo.Ts)
     return [*laws, replace(law, C=gain * law.C, D=gain * law.D)]
+
+
+def with_starts(name: str, values: Mapping[str, float]) -> dict[str, float]:
+    """Return values of parameters of a block with the start values of its others."""
+    ports = FmuPart("block", block(name)).parameters
+    return {port.name: float(port.start) for port in ports if isinstance(port.start, (int, float))} | dict(values)
 
 
 def _worst(found: Sequence[Margins]) -> LoopMargins:

@@ -226,13 +226,13 @@ def _start(rungs: Sequence[Rung], unit: str, first: str) -> str:
 
 
 def _objections(contradicted: Mapping[str, str]) -> list[str]:
-    """Return a sentence for each condition that the doctor finds violated, with the compensators that it objects to."""
+    """Return a sentence for each violated condition, with the compensators that violate it."""
     groups: dict[str, list[str]] = {}
     for name, wrong in contradicted.items():
         groups.setdefault(wrong.split(":")[0], []).append(name)
     return [
         f"{' and '.join([', '.join(names[:-1]), names[-1]] if names[1:] else names)} rank{'' if names[1:] else 's'} "
-        f"higher, but the doctor objects to {'them' if names[1:] else 'it'} ({contradicted[names[0]]})."
+        f"higher, but violate{'' if names[1:] else 's'} a condition ({contradicted[names[0]]})."
         for names in groups.values()
     ]
 

@@ -17,7 +17,6 @@ import numpy as np
 from friction_fmus.axis.servo import FlexibleLoad, Trajectory
 from friction_fmus.axis.servo_loop import from_rest
 from friction_fmus.blocks.catalogue import find
-from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import Array, identifiable
 from friction_fmus.identification.data.record import Record, RecordFinding
@@ -31,6 +30,7 @@ from friction_fmus.study.compensators import AxisKnowledge, check_names, period_
 from friction_fmus.study.config import ALL, OF_RECORD, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, check_fits, load_data, measured_servo
 from friction_fmus.study.evaluation import LATE, AxisBench, Scheme, motion_feedforward
+from friction_fmus.study.loop_conditions import loop_conditions
 from friction_fmus.study.model_ranking import (
     INVERSE,
     IdentifiedModel,
@@ -49,7 +49,6 @@ from friction_fmus.study.servo_estimate import estimate_servo
 from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.study_files import (
-    OWN,
     Figures,
     export_models,
     export_recommended,
@@ -80,7 +79,7 @@ from friction_fmus.study.trust import (
 )
 from friction_fmus.study.what_if import WhatIf, panel_of
 from friction_fmus.version import VERSION
-from harness import Progress, System
+from harness import Progress
 from harness.compiling import toolchain
 from harness.extras import require
 from harness.processors import available
@@ -155,11 +154,10 @@ def identifier(name: str) -> str:
 
 OF_FRICTION_AT_REST: Final = {
     "stick-slip": {"Fs", "vs"},
-    "stick-slip cycle": {"Fs", "vs"},
     "hunting": {"Fs"},
     "encoder": {"Fs"},
 }
-"""Conditions of the doctor, with the parameters that they need: without them, nothing is said about the condition."""
+"""Conditions of the loop with the parameters that they need: without them, nothing is said about the condition."""
 
 CLOSE: Final = 2.0  # models whose error is at most this factor times the smallest are also fitted to the closed loop
 SEED: Final = 1  # seed of the measurement noise, which is the same for all compensators
@@ -328,7 +326,7 @@ class _Study:
         goes_on = self._goes_on(findings)
         missing = self._missing(data, best) if goes_on else not_trusted(findings)
         comparison: Comparison | None = None
-        doctor: tuple[ConditionResult, ...] = ()
+        conditions: tuple[ConditionResult, ...] = ()
         written = goes_on and data.longest.units.known
         files = list(export_models(self.out, models, data.rotary, data.longest.citation)) if written else []
         if not missing:
@@ -352,7 +350,7 @@ class _Study:
                 files += export_recommended(self.out, bench, comparison.chosen, name, citation, figures)
                 (axis,) = identified_axes(models[:1], data.longest, self.config.servo, comparison)
                 files += export_sheet(self.out, axis)
-                doctor = self._doctor(bench)
+                conditions = conditions_of(bench, comparison.chosen)
                 self.panel = panel.result()
         self.progress(0.97)
         axes = identified_axes(models, data.longest, self.config.servo, comparison)
@@ -378,7 +376,7 @@ class _Study:
             limits=comparison.limits if comparison else None,
             compensators=comparison.rows if comparison else (),
             recommendation=comparison.recommendation if comparison else Recommendation("", missing),
-            doctor=doctor,
+            conditions=conditions,
             files=tuple(files),
             command=f"{self.config.command} -o out",
             versions={"friction-fmus": VERSION, "Python": platform.python_version(), "numpy": np.__version__},
@@ -541,23 +539,19 @@ class _Study:
             runs.insert(0, (comparison.recommended, comparison.chosen))
         return panel_of(bench, runs, _noise(len(bench.r)))
 
-    def _doctor(self, bench: AxisBench) -> tuple[ConditionResult, ...]:
-        """Return the conditions of the exported axis that the record can decide, violated ones first."""
-        with System.from_ssp(self.out / OWN / "axis.ssp") as system:
-            examined = [each for each in examine(system) if each.condition.name not in bench.unsure]
-        findings = [
-            each for each in examined if each.condition.ok or clear(bench, each.condition.value, each.condition.bound)
-        ]
-        rows = []
-        for finding in findings:
-            c = finding.condition
-            texts = ("", "", "", "") if c.ok else (c.wrong, c.why, c.change, c.source)
-            value, bound = (float(number) if np.isfinite(number) else None for number in (c.value, c.bound))
-            rows.append(ConditionResult(finding.parts, c.name, c.ok, *texts, value, bound))
-        return tuple(sorted(rows, key=lambda row: row.ok))
-
     def _run(self, steps: Sequence[Step], begin: float, end: float) -> list[Any]:
         return run_steps(steps, self.store, self.executor, self.progress.steps(begin, end, len(steps)))
+
+
+def conditions_of(bench: AxisBench, scheme: Scheme) -> tuple[ConditionResult, ...]:
+    """Return the conditions of an axis with a scheme that the record can decide, violated ones first."""
+    rows = []
+    for c in loop_conditions(bench, scheme):
+        if c.name not in bench.unsure and (c.ok or clear(bench, c.value, c.bound)):
+            texts = ("", "", "", "") if c.ok else (c.wrong, c.why, c.change, c.source)
+            value, bound = (float(number) if np.isfinite(number) else None for number in (c.value, c.bound))
+            rows.append(ConditionResult(c.name, c.ok, *texts, value, bound))
+    return tuple(sorted(rows, key=lambda row: row.ok))
 
 
 @dataclass(frozen=True)

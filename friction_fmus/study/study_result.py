@@ -120,7 +120,6 @@ class Picture:
 class ConditionResult:
     """Condition evaluated for the recommended servo; the texts are empty if it holds."""
 
-    parts: tuple[str, ...]
     name: str
     ok: bool
     wrong: str = ""
@@ -374,7 +373,7 @@ class StudyResult:
         "none" first, then compensators by rank, then those that do not apply.
     recommendation : Recommendation
         Recommended compensator.
-    doctor : tuple of ConditionResult
+    conditions : tuple of ConditionResult
         Conditions of the servo with the recommended compensator, violated ones first.
     files : tuple of WrittenFile
         Written files.
@@ -407,7 +406,7 @@ class StudyResult:
     limits: Limits | None
     compensators: tuple[CompensatorResult, ...]
     recommendation: Recommendation
-    doctor: tuple[ConditionResult, ...]
+    conditions: tuple[ConditionResult, ...]
     files: tuple[WrittenFile, ...]
     command: str
     versions: Mapping[str, str]

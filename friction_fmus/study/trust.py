@@ -143,7 +143,7 @@ NEGLIGIBLE: Final = 1e-3  # Coulomb friction over the rms drive force, below whi
 
 def dry_friction_findings(models: Sequence[IdentifiedModel], record: Record) -> tuple[StudyFinding, ...]:
     """Return a finding if models with dry friction were tried, and the best model, which is the first, has none."""
-    roles, units = [find(each.block).about.in_loop.friction for each in models if each.block], record.units
+    roles, units = [find(each.block).about.friction for each in models if each.block], record.units
     role = roles[0] if models[0].block else None
     if role is None or record.force is None or all(each is None or each.coulomb == "0" for each in roles):
         return ()

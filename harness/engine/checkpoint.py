@@ -28,7 +28,7 @@ _DEEPEST: Final = 20
 
 def part_identity(part: Part) -> list[str]:
     """Return kind, content and sample time of a part; equal parts have the same, wherever their files are."""
-    if isinstance(part, FmuPart):  # an isolated FMU is the same FMU
+    if isinstance(part, FmuPart):
         try:
             content = digest(part.path.read_bytes())
         except OSError as error:

@@ -27,19 +27,10 @@ class Drive:
     Parameters
     ----------
     part : FmuPart
-        The FMU, which must not be isolated. Do not use it elsewhere while the drive is open.
-
-    Raises
-    ------
-    HarnessError
-        If the FMU runs in a separate process.
+        The FMU. Do not use it elsewhere while the drive is open.
     """
 
     def __init__(self, part: FmuPart) -> None:
-        if part.isolate:
-            raise HarnessError(
-                f"part '{part.name}' runs in a separate process, which a drive cannot use: make it with isolate=False"
-            )
         self.part = part
         part.reuse = True
         self._kinds = {port.name: port.type for port in (*part.inputs, *part.outputs, *part.observables)}

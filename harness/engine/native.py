@@ -13,7 +13,7 @@ import numpy as np
 
 from harness.compiling.engine_library import library, mirror
 from harness.errors import HarnessError, PartError, not_whole
-from harness.parts.guard import described_floats
+from harness.parts.guard import REMEDY, described_floats
 from harness.parts.part import TYPE_ORDER, Calls, Native, Values
 from harness.system.plan import GET, SET, STEP, Plan
 from harness.system.wire import split_name
@@ -167,14 +167,13 @@ class Engine:
         """Return the error for a part that changes the results of all other parts."""
         data = self.data
         what = f"it changed {described_floats(data.float_change)} of the whole process, which affects all parts"
-        remedy = "run it in its own process (isolate = true)"
         time = float(data.failed_time)
         if data.failed_part >= 0:
-            return PartError(self.plan.parts[data.failed_part].name, "fmi2DoStep", f"{what}: {remedy}", time)
+            return PartError(self.plan.parts[data.failed_part].name, "fmi2DoStep", f"{what}: {REMEDY}", time)
         names = [
             f"'{part.name}'" for index, part in enumerate(self.plan.parts) if self._bound[index].native is not None
         ]
-        return HarnessError(f"one of the parts {', '.join(names)} failed after t = {time:.12g} s: {what}: {remedy}")
+        return HarnessError(f"one of the parts {', '.join(names)} failed after t = {time:.12g} s: {what}: {REMEDY}")
 
     def _part(self, index: int) -> tuple[ctypes.Structure, _Bound]:
         plan, names = self.plan, self.plan.names

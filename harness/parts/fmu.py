@@ -8,7 +8,7 @@ import struct
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from harness.errors import HarnessError, PartError, StartValueError, not_whole
 from harness.extras import MODELS
@@ -18,7 +18,7 @@ from harness.parts.fmi2 import DO_STEP, Instance, Library, State, exchanges
 from harness.parts.fmi3 import Instance3, Library3
 from harness.parts.integrator import TOLERANCE, Integrator
 from harness.parts.part import Calls, Native, Part, Port, StartValue, Values
-from harness.values import is_number, shown
+from harness.values import shown
 
 _TIME = struct.Struct("<d")
 
@@ -116,9 +116,6 @@ def _state_name(derivative: object) -> str:
     return str(getattr(state, "name", None) or getattr(derivative, "name", derivative))
 
 
-LONGEST_TIMEOUT: Final = 1e6  # longest timeout [s]; the clocks of some systems cannot represent more
-
-
 class FmuPart(Part):
     """A part that is an FMI 2.0 FMU, or an FMI 3.0 FMU for co-simulation.
 
@@ -135,11 +132,6 @@ class FmuPart(Part):
         Sample time in communication steps.
     model : str or None
         Model name by which the file was found; a system file then contains this name instead of the path.
-    isolate : bool
-        Whether the FMU runs in its own process. If it crashes, exits or hangs, the run then ends with a `PartError` and
-        the program continues. This protects against faults, not against malicious code.
-    timeout : float
-        Longest duration of one call in such a process [s].
 
     Attributes
     ----------
@@ -152,24 +144,7 @@ class FmuPart(Part):
     ------
     FmuError
         If the file cannot be used, see `open_archive`.
-    HarnessError
-        If the timeout is not a positive number of seconds.
     """
-
-    def __new__(
-        cls,
-        name: str,
-        path: str | Path,
-        *,
-        every: int = 1,
-        model: str | None = None,
-        isolate: bool = False,
-        timeout: float = 10.0,
-    ) -> FmuPart:
-        """Return an `FmuPart`, or its subclass `IsolatedPart` if ``isolate`` is True."""
-        from harness.parts.isolated.isolated_part import IsolatedPart  # a subclass of this class
-
-        return super().__new__(IsolatedPart if isolate else cls)
 
     def __init__(
         self,
@@ -178,18 +153,9 @@ class FmuPart(Part):
         *,
         every: int = 1,
         model: str | None = None,
-        isolate: bool = False,
-        timeout: float = 10.0,
     ) -> None:
-        if not (is_number(timeout) and 0.0 < timeout <= LONGEST_TIMEOUT):
-            raise HarnessError(
-                f"the timeout of '{name}' is {shown(timeout)}: "
-                f"give a positive number of seconds, up to {LONGEST_TIMEOUT:.0f}"
-            )
         self.name = name
         self.keep: object = None
-        self.isolate = isolate
-        self.timeout = float(timeout)
         self.path, self.model = Path(path), model
         if MODELS and model is None and isinstance(path, str) and path.isidentifier() and not self.path.is_file():
             self.path, self.model = MODELS[0](path), path
@@ -225,6 +191,7 @@ class FmuPart(Part):
         self.saves = bool(self.archive.interface.canGetAndSetFMUstate)
         self.events = archive.exchange or bool(archive.flat is not None and archive.flat.clocks)
         self.identity = str(self.archive.description.guid)
+        self.follows = archive.exchange
         self.sampled = bool(self.outputs) and all(port.held for port in self.outputs)
 
     def inner_tolerance(self, given: float | None) -> float:
@@ -372,7 +339,7 @@ class FmuPart(Part):
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle the arguments: a copy in another process is made from the same file."""
-        make = partial(FmuPart, every=self.every, model=self.model, isolate=self.isolate, timeout=self.timeout)
+        make = partial(FmuPart, every=self.every, model=self.model)
         return make, (self.name, self.path.absolute())
 
     @property

@@ -30,7 +30,7 @@ _LOG = logging.getLogger("harness")
 EXITED: Final = 2  # exit status of a program that an FMU has ended
 
 _AT_EXIT = ctypes.CFUNCTYPE(None)
-_ISOLATE: Final = "run it in its own process (isolate = true)"
+REMEDY: Final = "correct the FMU; the command check names the call"
 
 _FLOATS: Final = (
     {
@@ -55,7 +55,7 @@ class Guard:
 
     def __init__(self, parts: Sequence[Part]) -> None:
         self._parts = parts
-        self.watched = {part.name: part for part in parts if isinstance(part, FmuPart) and not part.isolate}
+        self.watched = {part.name: part for part in parts if isinstance(part, FmuPart)}
         self.acting: str | None = None
         self._before: _Surroundings | None = None
 
@@ -67,7 +67,7 @@ class Guard:
         changed = [*_changed_floats(before), *_changed_folder(before), *_changed_locale(before)]
         if changed:
             who = f"part '{name}'" if name else candidates(self.watched)
-            _LOG.warning("%s changed %s of the whole process, now restored: %s", who, " and ".join(changed), _ISOLATE)
+            _LOG.warning("%s changed %s of the whole process, now restored: %s", who, " and ".join(changed), REMEDY)
 
     @contextmanager
     def watching(self, name: str) -> Iterator[None]:
@@ -239,7 +239,7 @@ def _at_exit() -> None:
     who = f"part '{name}'" if name else candidates(watched)
     with suppress(Exception):
         sys.stdout.flush()
-    text = f"{who} called exit(), which ends the whole program; the run is lost: {_ISOLATE}\n"
+    text = f"{who} called exit(), which ends the whole program; the run is lost: {REMEDY}\n"
     os.write(2, text.encode())
     os._exit(EXITED)
 

@@ -142,6 +142,8 @@ class Part(ABC):
         Types of its variables that are no ports, by name.
     sampled : bool
         Whether the outputs change only at the beginning of a step (controllers, estimators).
+    follows : bool
+        Whether a sampled part takes its samples within a step, from inputs that are lines.
     every : int
         Sample time in communication steps: the part is stepped once in this many steps.
     identity : str
@@ -166,6 +168,7 @@ class Part(ABC):
     dependencies: Mapping[str, frozenset[str]]
     others: Mapping[str, str] = MappingProxyType({})
     sampled: bool = False
+    follows: bool = False
     every: int = 1
 
     def hint(self, name: str, known: Iterable[str]) -> str:

@@ -28,9 +28,7 @@ _SCALARS: Final[Mapping[str, Callable[[str], Any]]] = MappingProxyType(
     {"step": float, "master": str, "decimate": int, "extrapolation": int}
     | dict.fromkeys(("tolerance", "loop_tolerance", "coupling_tolerance", "step_tolerance"), float)
 )
-_PART: Final[Mapping[str, Callable[[Any], Any]]] = MappingProxyType(
-    {"every": int, "model": str, "isolate": lambda text: text == "true", "timeout": float}
-)
+_PART: Final[Mapping[str, Callable[[Any], Any]]] = MappingProxyType({"every": int, "model": str})
 _LISTS: Final = ("record", "order")
 
 
@@ -93,8 +91,6 @@ def write_part(element: etree._Element, part: FmuPart) -> None:
     """Append the settings of a part that are not in its FMU, if there are any."""
     settings: dict[str, object] = {} if part.every == 1 else {"every": part.every}
     settings |= {"model": part.model}
-    if part.isolate:
-        settings |= {"isolate": "true", "timeout": part.timeout}
     texts = _texts(settings)
     if texts:
         annotate(element, "harness:Part", **texts)

@@ -103,9 +103,13 @@ def stepping_order(parts: Mapping[str, Part], wires: Sequence[Wire]) -> list[str
     # step. A part without inputs (a reference) comes last, so that plants read its value at the beginning of the step,
     # unless an output depends on it directly; one of held values only if all outputs do, as they jump at the end of the
     # step and a state does not. A series of linear values comes first, as its values at both ends of the step are used.
+    fed = {name: [parts[wire.ends[1][0]] for wire in wires if wire.ends[0][0] == name] for name in parts}
+    lines = [name for name, part in parts.items() if isinstance(part, SeriesPart) and part.moves]
+    first = [name for name in lines if all(part.sampled and part.follows for part in fed[name])]
     sampled = [name for name, part in parts.items() if part.sampled]
-    continuous = [name for name, part in parts.items() if not part.sampled]
-    return _sort(parts, wires, sampled) + _sort(parts, [wire for wire in wires if not _jumps(parts, wire)], continuous)
+    continuous = [name for name, part in parts.items() if not part.sampled and name not in first]
+    last = _sort(parts, [wire for wire in wires if not _jumps(parts, wire)], continuous)
+    return first + _sort(parts, wires, sampled) + last
 
 
 def is_held_source(part: Part) -> bool:

@@ -131,7 +131,8 @@ class Plan:
                 output = int(self.sources[signal])
                 source = self.owners[output]
                 real = self.ports[self.names[signal]].type == "Real" and not self.ports[self.names[output]].held
-                if real and self.parts[source].moves and part.moves:
+                follows = part.moves or (part.follows and not self.parts[source].inputs)
+                if real and self.parts[source].moves and follows:
                     wires.append(MovingWire(signal, output, source, target))
         return tuple(wires)
 

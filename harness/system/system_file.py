@@ -21,19 +21,16 @@ from harness.system.wire import Wire, manipulator_table, parse_wire, read_manipu
 from harness.values import flag, number, shown, tables, text, texts, whole
 
 _TOP_KEYS = ("name", "strict", "parts", "wires", "experiment")
-_FMU_KEYS = ("every", "start", "isolate", "timeout")
+_FMU_KEYS = ("every", "start")
 _RECORD_KEYS = ("interpolation", "beyond")
 
 # for each key: a function that returns None for a value of the wrong kind, and a text for the message; ranges are
 # checked by the classes that receive the values, as they may also come from Python
 _Kinds: TypeAlias = Mapping[str, tuple[Callable[[object], Any], str]]
 _NUMBER, _WHOLE, _TEXT = (number, "a number"), (whole, "an integer"), (text, "a text on one line")
-_FLAG = (flag, "true or false")
 _PART_KINDS: Final[_Kinds] = {
     **dict.fromkeys(("model", "fmu", "record", "interpolation", "beyond"), _TEXT),
     "every": (whole, "an integer number of communication steps"),
-    "isolate": _FLAG,
-    "timeout": (number, "a number of seconds"),
 }
 _WIRE_KINDS: Final[_Kinds] = {"gain": _NUMBER, "offset": _NUMBER, "delay": _WHOLE, "initial": _NUMBER}
 _EXPERIMENT_KINDS: Final[_Kinds] = {
@@ -79,7 +76,7 @@ def read_system(path: Path, resolve: Callable[[str], Path] | None) -> SystemDesc
             start=start,
             experiment=_read_experiment(experiment) if "experiment" in document else None,
             name=document.take("name", *_TEXT, path.stem),
-            strict=document.take("strict", *_FLAG, False),
+            strict=document.take("strict", flag, "true or false", False),
         )
     except BaseException:
         for part in parts:
@@ -182,8 +179,7 @@ def _part_table(part: Part, path: Path) -> dict[str, Any]:
     if isinstance(part, FmuPart):
         origin = {"model": part.model} if part.model else {"fmu": _relative(part.path, path)}
         every = {"every": part.every} if part.every != 1 else {}
-        isolation = {"isolate": True, "timeout": part.timeout} if part.isolate else {}
-        return {**origin, **every, **isolation}
+        return {**origin, **every}
     if isinstance(part, SeriesPart) and part.path is not None:
         return {"record": _relative(part.path, path), "interpolation": part.interpolation, "beyond": part.beyond}
     raise SystemFileError(

@@ -301,14 +301,6 @@ def test_start_values_have_units(tmp_path: Path, capsys: pytest.CaptureFixture[s
             system.with_start({"friction.Fc": "2 mm"})
 
 
-def test_notes_of_the_doctor_are_no_problems(capsys: pytest.CaptureFixture[str]) -> None:
-    """The example is made to stick and slip."""
-    assert main(["doctor", str(STICK_SLIP)]) == 0
-    out = capsys.readouterr().out
-    assert "stick-slip cycle (mass, friction), may be intended" in out
-    assert out.endswith("2 conditions evaluated, no problem, 1 note\n")
-
-
 def test_stages_are_printed_where_there_is_no_terminal() -> None:
     with progress_bar() as bar:
         bar.console.file = io.StringIO()

@@ -50,7 +50,6 @@ def test_the_paths_that_other_commands_print(folder: str, tmp_path: Path, capsys
     assert f"{here / 'coulomb_feedforward.c'}\n" in printed(capsys, "codegen", "CoulombFeedforward", "-o", here)
     system = here / "system.toml"
     system.write_text(SYSTEM, encoding="utf-8")
-    assert f"{system}: " in printed(capsys, "doctor", system)
     out = printed(capsys, "sweep", system, "--vary", "contact.v=1,2", "--executor", "serial", "-o", here / "sweep")
     assert out.splitlines()[-1] == f"{here / 'sweep'}: 2 runs"
 

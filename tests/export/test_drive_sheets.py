@@ -18,7 +18,7 @@ from friction_fmus.errors import BuildError
 from friction_fmus.export.axis_fit import AxisFit
 from friction_fmus.export.axis_loop import ReferenceMotion
 from friction_fmus.export.identified_axis import IdentifiedAxis, read_axis
-from friction_fmus.export.targets import generic, minas, omron_1s, sinumerik, targets, tf5200, universal_robots
+from friction_fmus.export.targets import generic, minas, omron_1s, sinumerik, targets, tf5200
 from harness.errors import UnitError
 
 
@@ -159,9 +159,7 @@ def test_all_sheets_of_a_study(study: tuple[Path, bool], tmp_path: Path) -> None
     assert axis.loop.fed is not None
     rated = "20 N.m" if rotary else "20 N"
     for name, target in targets("axis").items():
-        if name not in {"generic", "minas", "omron-1s", "tf5200", "sinumerik", "universal-robots"}:
-            continue
-        if name == "universal-robots" and not rotary:
+        if name not in {"generic", "minas", "omron-1s", "tf5200", "sinumerik"}:
             continue
         given = {option.name: {"rated": rated, "rows": "4"}[option.name] for option in target.options}
         paths = target.write(axis, tmp_path, **given)
@@ -185,11 +183,6 @@ def test_the_circle_begins_at_rest_and_stays_in_the_range_of_the_record() -> Non
     assert np.gradient(path.rd, 1e-3)[1:-1] == pytest.approx(path.rdd[1:-1], abs=1e-2)
 
 
-def test_scales_of_a_joint_whose_friction_they_describe(tmp_path: Path) -> None:
-    universal_robots.write(rigid(rotary=True), tmp_path)
-    assert list(values(tmp_path, "universal-robots").values()) == ["1.00", "1.00"]
-
-
 @pytest.mark.parametrize(
     ("target", "axis", "options", "message"),
     [
@@ -208,7 +201,6 @@ def test_scales_of_a_joint_whose_friction_they_describe(tmp_path: Path) -> None:
         (tf5200, rigid(), {"rated": "40 N", "rows": "21"}, "--rows 21: the table has 2 to 20 rows"),
         (tf5200, rigid(), {"rated": "40 N", "rows": "two"}, "--rows two"),
         (sinumerik, rigid(), {}, "SINUMERIK needs servo and mass"),
-        (universal_robots, rigid(), {}, "slide is a linear axis"),
         (generic, rigid(speed=0.0), {}, "slide does not move, or has no position"),
     ],
 )

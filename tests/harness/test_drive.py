@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness import Drive, Experiment, FmuPart, HarnessError, PartError, SeriesPart, StartValueError, System
+from harness import Drive, Experiment, FmuPart, PartError, SeriesPart, StartValueError, System
 from harness.errors import ExperimentError, UnknownNameError
 
 BuildFmu = Callable[..., Path]
@@ -102,8 +102,3 @@ def test_unknown_names_and_steps_that_are_not_positive_are_refused(drive: Drive)
         drive.run({"sigma0": VELOCITY}, ["F"], STEP)
     with pytest.raises(ExperimentError, match="positive"):
         drive.run({"v": VELOCITY}, ["F"], 0.0)
-
-
-def test_a_part_in_a_process_of_its_own_cannot_be_driven(build_fmu: BuildFmu) -> None:
-    with pytest.raises(HarnessError, match="process"):
-        Drive(FmuPart("friction", build_fmu("LuGre"), isolate=True))

@@ -44,12 +44,12 @@ def plain(name: str) -> Path:
     return build(name, mkdtemp(prefix="fmi3-"), fmi=3)
 
 
-def servo(kinds: Sequence[Callable[[str], Path]], *, isolate: bool = False) -> System:
+def servo(kinds: Sequence[Callable[[str], Path]]) -> System:
     """A mass with LuGre friction under sampled feedback: three FMUs, each of the version that its function gives."""
     mass, friction, controller = kinds
     parts = [
         FmuPart("mass", mass("Mass")),
-        FmuPart("friction", friction("LuGre"), isolate=isolate),
+        FmuPart("friction", friction("LuGre")),
         FmuPart("pid", controller("PID")),
     ]
     wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.x -> pid.x", "mass.v -> pid.v"]
@@ -75,11 +75,6 @@ def values(system: System, master: str, stop: float = 0.3) -> dict[str, bytes]:
 )
 def test_versions_mix_bit_for_bit(master: str, mixed: Sequence[Callable[[str], Path]]) -> None:
     assert values(servo(mixed), master) == values(servo((fmu, fmu, fmu)), master)
-
-
-def test_a_part_in_its_own_process() -> None:
-    kinds = (three, three, fmu)
-    assert values(servo(kinds, isolate=True), "gauss-seidel") == values(servo((fmu, fmu, fmu)), "gauss-seidel")
 
 
 def test_a_run_continues_from_a_checkpoint(tmp_path: Path) -> None:
@@ -338,10 +333,9 @@ def powers(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("isolate", [False, True])
-def test_an_fmu_of_pythonfmu3_runs(powers: Path, isolate: bool) -> None:
+def test_an_fmu_of_pythonfmu3_runs(powers: Path) -> None:
     """Beside a block of FMI 2.0 that drives it: arrays, integers of 64 bits, Booleans."""
-    parts = [FmuPart("one", powers, isolate=isolate), FmuPart("ramp", fmu("Sine"))]
+    parts = [FmuPart("one", powers), FmuPart("ramp", fmu("Sine"))]
     start = {"ramp.offset": 1.0, **{f"ramp.amplitude[{k}]": 0.0 for k in (1, 2, 3, 4)}}
     with System(parts, ["ramp.r -> one.rate"], start) as system:
         result = system.run(stop=1.0, step=0.1, master="gauss-seidel")

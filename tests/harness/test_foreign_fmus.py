@@ -23,12 +23,11 @@ ALL = [*EXPLICIT, "newton", "adaptive"]
 PAIR = ["prey.x -> predator.x", "predator.y -> prey.y"]
 
 
-@pytest.fixture(params=["c", "c, isolated", "pythonfmu", "pythonfmu, isolated"])
+@pytest.fixture(params=["c", "pythonfmu"])
 def pair(request: pytest.FixtureRequest, foreign: MakeFmu, pythonfmu: MakeFmu) -> Iterator[System]:
     """The Lotka-Volterra system of MasterSim's tests: two FMUs, each with one of the equations."""
-    tool, *isolated = request.param.split(", ")
-    make = pythonfmu if tool == "pythonfmu" else lambda name: foreign(name.upper())
-    parts = [FmuPart(name, make(name), isolate=bool(isolated)) for name in ("prey", "predator")]
+    make = pythonfmu if request.param == "pythonfmu" else lambda name: foreign(name.upper())
+    parts = [FmuPart(name, make(name)) for name in ("prey", "predator")]
     with System(parts, PAIR, name="lotka-volterra") as system:
         yield system
 
@@ -192,10 +191,9 @@ def test_outputs_that_cannot_be_tried(foreign: MakeFmu, master: str, caplog: pyt
     assert "compare with a shorter step" in said
 
 
-@pytest.mark.parametrize("isolate", some([False, True], [True]))
 @pytest.mark.parametrize("master", ["newton", "adaptive"])
-def test_without_saved_states(foreign: MakeFmu, master: str, isolate: bool) -> None:
-    parts = [FmuPart(name, foreign(name.upper()), isolate=isolate) for name in ("prey", "predator")]
+def test_without_saved_states(foreign: MakeFmu, master: str) -> None:
+    parts = [FmuPart(name, foreign(name.upper())) for name in ("prey", "predator")]
     with (
         System(parts, PAIR) as system,
         pytest.raises(ExperimentError, match="cannot save its state: use the master gauss-seidel or jacobi"),

@@ -86,7 +86,7 @@ def test_a_change_before_or_after_the_steps(
     assert result["victim.x"].to_numpy().tolist() == closed_form(100)
     assert caplog.messages == [
         f"part '{name}' changed {NAMES[what]} of the whole process, now restored: "
-        "run it in its own process (isolate = true)"
+        "correct the FMU; the command check names the call"
     ]
 
 
@@ -120,7 +120,7 @@ def test_floats_that_a_step_changes_end_the_run(what: str, fail_time: float, mas
     with system_with(name, probe, fail_time=fail_time) as system, pytest.raises(PartError) as caught:
         system.run(stop=2000.0, step=0.1, master=master)
     assert caught.value.part == name
-    assert f"it changed {NAMES[what]} of the whole process, which affects all parts: run it" in str(caught.value)
+    assert f"it changed {NAMES[what]} of the whole process, which affects all parts: correct" in str(caught.value)
     # what was recorded is from before, and not much of it is lost
     assert caught.value.result is not None
     x = caught.value.result["victim.x"].to_numpy().tolist()
@@ -174,7 +174,7 @@ def test_a_result_is_where_its_path_says(probe: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "friction_fmus", "run", "system.toml", "-o", "out.csv"]
     run = subprocess.run(command, capture_output=True, text=True, check=False, env=environment())
     assert run.returncode == 0
-    assert run.stdout == "out.csv: 11 rows of 4 variables\n"
+    assert run.stdout == "wrote out.csv: 4 variables, 11 time points (0 to 1 s)\n"
     assert (tmp_path / "out.csv").is_file()
     assert not Path("/out.csv").exists()
 
@@ -202,7 +202,7 @@ def test_an_fmu_that_ends_the_program(name: str, probe: Path, tmp_path: Path) ->
     run = subprocess.run(command, capture_output=True, text=True, check=False, env=environment(**EXITS[name]))
     assert run.stderr == (
         f"part '{name}' called exit(), which ends the whole program; the run is lost: "
-        "run it in its own process (isolate = true)\n"
+        "correct the FMU; the command check names the call\n"
     )
     assert run.returncode == 2
     assert [path.name for path in tmp_path.iterdir() if "out" in path.name] == []

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from python_engine import run_in_python
 from scipy.integrate import solve_ivp
-from thorough import nightly, some
+from thorough import nightly
 
 from harness import (
     CallablePart,
@@ -190,14 +190,11 @@ HELD = SeriesPart("s", [0.0, 0.35, 0.5, 1.1], {"u": [1.0, 2.0, 3.0, 4.0]}, inter
 JUMPS = np.array([(0.0, 1.0), (0.35, 1.0), (0.35, 2.0), (0.5, 2.0), (0.5, 3.0), (1.1, 3.0)])
 
 
-@pytest.mark.parametrize("isolate", [False, True])
 @pytest.mark.parametrize(("kind", "name", "step"), [("STAIR", "level", 0.1), ("SAMPLER", "y", 0.05)])
-def test_events_show_the_values_before_and_after(
-    exchange: MakeFmu, kind: str, name: str, step: float, isolate: bool
-) -> None:
+def test_events_show_the_values_before_and_after(exchange: MakeFmu, kind: str, name: str, step: float) -> None:
     """As fmpy does: two rows at a multiple of the period. Nothing else changes."""
     sampler = kind == "SAMPLER"
-    part = FmuPart("p", exchange(kind), isolate=isolate)
+    part = FmuPart("p", exchange(kind))
     with System([part, HELD] if sampler else [part], ["s.u -> p.u"] if sampler else []) as system:
         settings = {"stop": 1.0, "step": step, "record": [f"p.{name}"]}
         plain, shown = system.run(**settings), system.run(**settings, events=True)  # type: ignore[arg-type]
@@ -313,14 +310,13 @@ def test_a_rejected_parameter(exchange: MakeFmu, caplog: pytest.LogCaptureFixtur
 
 
 @pytest.mark.parametrize("master", ALL)
-@pytest.mark.parametrize("isolate", some([False, True], [False]))
-def test_two_oscillators_exchange_their_force(exchange: MakeFmu, master: str, isolate: bool) -> None:
+def test_two_oscillators_exchange_their_force(exchange: MakeFmu, master: str) -> None:
     """Both masses have a spring to the ground, and one in Python joins them: modes with w^2 = 9 and 9 + 2 c."""
     c = 4.0
     spring = CallablePart(
         "spring", lambda t, u, x: [c * (u[1] - u[0]), c * (u[0] - u[1])], ["a", "b"], ["on_a", "on_b"]
     )
-    parts = [FmuPart(name, exchange("OSCILLATOR"), isolate=isolate) for name in ("a", "b")]
+    parts = [FmuPart(name, exchange("OSCILLATOR")) for name in ("a", "b")]
     wires = ["a.x -> spring.a", "b.x -> spring.b", "spring.on_a -> a.F", "spring.on_b -> b.F"]
     with System([*parts, spring], wires, {"b.x": 0.0}) as system:
         result = system.run(stop=2.0, step=1e-3, master=master)
@@ -367,13 +363,6 @@ def test_a_checkpoint_needs_a_state_that_can_be_serialised(exchange: MakeFmu, tm
         pytest.raises(PartError, match="cannot serialise its state"),
     ):
         system.run(stop=0.1, step=0.1, checkpoint=tmp_path / "state")
-
-
-def test_its_own_process(exchange: MakeFmu) -> None:
-    path = exchange("BELT")
-    with System([FmuPart("p", path, isolate=True)]) as system:
-        isolated = system.run(stop=1.0, step=0.01)
-    assert isolated.identical(alone(path))
 
 
 @pytest.mark.parametrize("kind", ["OSCILLATOR", "BALL", "BELT"])

@@ -74,10 +74,10 @@ def test_the_folder_of_a_killed_process_goes_and_that_of_a_living_one_stays(temp
 
 @nightly
 def test_what_a_run_of_an_fmu_leaves(temporary: Path, probe: Path) -> None:
-    """In this process, in one of its own, and in the workers of a sweep."""
+    """One folder for each FMU."""
     code = (
         "from harness import FmuPart, System\n"
-        f"parts = [FmuPart(name, {str(probe)!r}, isolate=name == 'b') for name in 'ab']\n"
+        f"parts = [FmuPart(name, {str(probe)!r}) for name in 'ab']\n"
         "start = {f'{part}.{name}': value for part in 'ab' for name, value in (('u', 1.0), ('n', 1), ('b', True))}\n"
         "system = System(parts, start=start)\nsystem.run(stop=1.0, step=0.1)\n"
     )

@@ -193,8 +193,8 @@ def test_a_truncated_library_in_an_fmu_is_refused(build_fmu: Callable[..., Path]
     assert said[-1] == "ran"
 
 
-def test_a_truncated_library_beside_it_and_an_isolated_one(build_fmu: Callable[..., Path], tmp_path: Path) -> None:
-    part = FmuPart("p", truncated(build_fmu("Coulomb"), tmp_path / "short.fmu", 5000), isolate=True)
+def test_a_truncated_library_of_a_part(build_fmu: Callable[..., Path], tmp_path: Path) -> None:
+    part = FmuPart("p", truncated(build_fmu("Coulomb"), tmp_path / "short.fmu", 5000))
     with (
         System([part], start={f"p.{port.name}": 0.0 for port in part.inputs}) as system,
         pytest.raises(FmuError, match=r"short.fmu: its library Coulomb.so is truncated"),

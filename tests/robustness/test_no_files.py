@@ -18,7 +18,6 @@ from friction_fmus.identification.data.formats import read_table
 FILES: dict[str, list[str]] = {
     "run {}.toml -o out.csv": ["toml"],
     "run {}.ssp -o out.csv": ["ssp"],
-    "doctor {}.toml": ["toml"],
     "sweep {}.ssp --vary=a.b=1 -o out": ["ssp"],
     "study {}.toml -o out": ["toml"],
     "identify {}.toml --model LuGre -o out": ["toml"],

@@ -87,7 +87,7 @@ def said(study: dict[str, Any]) -> str:
             lines += [f"best model {model['name']}", *(f"{model['name']}: {text}" for text in model["warnings"])]
             if model.get("position"):
                 lines.append("force over position: cogging")
-    lines += [f"{each['name']}: {each['wrong']}; {each['change']}" for each in study["doctor"] if not each["ok"]]
+    lines += [f"{each['name']}: {each['wrong']}; {each['change']}" for each in study["conditions"] if not each["ok"]]
     lines += [study["no_compensation"], study["recommendation"]["reason"], *study["recommendation"]["next_steps"]]
     lines += study["recommendation"]["cautions"]
     return "\n".join(line for line in lines if line)

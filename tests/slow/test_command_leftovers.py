@@ -27,7 +27,6 @@ COMMANDS: dict[str, tuple[list[object], set[int], set[str]]] = {
     "completion": ([], {0}, set()),
     "build": (["Viscous", "--platform", "darwin64", "-o", "out"], {0}, {"out"}),
     "check": (["Viscous.fmu"], {0}, set()),
-    "doctor": ([STICK_SLIP], {0, 1}, set()),
     "run": ([STICK_SLIP, "--stop", "0.01", "--step", "1e-4", "-o", "out.csv"], {0}, {"out.csv"}),
     "compose": ([STICK_SLIP, "-o", "out.fmu"], {0}, {"out.fmu"}),
     "codegen": (["CoulombFeedforward", "-o", "out"], {0}, {"out"}),

@@ -111,7 +111,7 @@ def test_no_text_of_a_rotary_study_has_linear_words_or_units(joint: Path, capsys
     assert "[N.m] control torque" in code
 
     result = json.loads((out / "study.json").read_text(encoding="utf-8"))
-    texts = [text for row in result["doctor"] for text in (row["wrong"], row["change"])]
+    texts = [text for row in result["conditions"] for text in (row["wrong"], row["change"])]
     texts += [result["recommendation"]["reason"], *result["overview"].values()]
     texts += [p["meaning"] for model in result["models"] for p in model["parameters"]]
     assert linear_words(" . ".join(texts)) == []

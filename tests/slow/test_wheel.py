@@ -71,7 +71,6 @@ DONE = [
 
 REFUSED = [
     (["codegen", "PID", "-o", "pid"], "casadi", "build"),
-    (["doctor", "{examples}/stick_slip.toml"], "casadi", "build"),
     (["show", "PID"], "casadi", "build"),
     (["study", "demo", "-o", "out"], "plotly", "study"),
     (["build", "LuGre", "-o", "own", "--set", "Fc=2"], "ziglang", "build"),

@@ -212,10 +212,10 @@ def made_up_study() -> StudyResult:
             ("Switch on the feedforward of velocity.", "Add LuGreFeedforward: recommended/c."),
             ("Record the axis with its largest load.",),
         ),
-        doctor=(
-            ConditionResult(("controller", "friction"), "no_hunting", False, "The loop hunts.",
+        conditions=(
+            ConditionResult("no_hunting", False, "The loop hunts.",
                             "The integral winds up.", "Set a dead-band.", "Hensen 2002", 1.2, 1.0),
-            ConditionResult(("controller",), "sampling_fast_enough", True, value=0.1, bound=0.3),
+            ConditionResult("sampling_fast_enough", True, value=0.1, bound=0.3),
         ),
         files=(WrittenFile("report.html", "this page"), WrittenFile("fmus/bench_LuGre.fmu", "friction of the axis")),
         command="friction-fmus study bench.toml -o out",

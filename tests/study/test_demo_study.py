@@ -189,9 +189,9 @@ def test_the_report_contains_the_axis_twice(study: Study) -> None:
         assert f'frictionFmus.register({{"name":"{run["model"]}"' in page
 
 
-def test_the_doctor_has_looked(study: Study) -> None:
-    assert len(study.result.doctor) > 5
-    assert all(row.wrong for row in study.result.doctor if not row.ok)
+def test_the_conditions_of_the_loop_are_evaluated(study: Study) -> None:
+    assert len(study.result.conditions) > 5
+    assert all(row.wrong for row in study.result.conditions if not row.ok)
 
 
 def test_progress_only_grows(study: Study) -> None:

@@ -53,7 +53,7 @@ def without_pieces() -> dict[str, StudyResult]:
     none = Recommendation("none", "No compensator reduces the error.")
     return {
         "no compensators": replace(
-            whole, compensators=(), ladder=(), limits=None, doctor=(), plant="",
+            whole, compensators=(), ladder=(), limits=None, conditions=(), plant="",
             no_compensation="The record has no servo.", recommendation=Recommendation("", "The record has no servo."),
         ),
         "nothing improves": replace(whole, recommendation=none),

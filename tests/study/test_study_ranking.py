@@ -205,14 +205,14 @@ def test_nothing_is_recommended_where_nothing_could_be_tried() -> None:
     assert recommend(none, [], (), SLIDING).name == ""
 
 
-def test_a_compensator_to_which_the_doctor_objects_is_named() -> None:
+def test_a_compensator_that_violates_a_condition_is_named() -> None:
     none = without()
     found = recommend(none, ranked(row("B", 30e-6)), (), SLIDING, {"A": "buzz: the axis buzzes"})
     assert found.name == "B"
-    assert found.reason.endswith("A ranks higher, but the doctor objects to it (buzz: the axis buzzes).")
+    assert found.reason.endswith("A ranks higher, but violates a condition (buzz: the axis buzzes).")
     objections = {"A": "buzz: at 1 Hz", "C": "delay: of 2 ms", "D": "buzz: at 2 Hz", "E": "buzz: at 3 Hz"}
     found = recommend(none, ranked(row("B", 30e-6)), (), SLIDING, objections)
-    assert "A, D and E rank higher, but the doctor objects to them (buzz: at 1 Hz). C ranks higher" in found.reason
+    assert "A, D and E rank higher, but violate a condition (buzz: at 1 Hz). C ranks higher" in found.reason
 
 
 @pytest.mark.parametrize(
@@ -271,7 +271,7 @@ def test_only_what_can_be_the_best_is_run_in_other_cases(monkeypatch: pytest.Mon
     assert [each.name for each in contest.ranked()][:2] == ["three", "two"]
 
 
-def test_the_only_compensator_is_recommended_although_the_doctor_objects(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_only_compensator_is_recommended_although_it_violates_a_condition(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(comparison, "_violated", lambda _, scheme: {} if scheme.compensator is None else {"buzz": "x"})
 
     def run(steps: Sequence[Step]) -> list[object]:

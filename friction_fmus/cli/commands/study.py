@@ -120,7 +120,7 @@ def run(options: argparse.Namespace) -> int:
         if any(file.path.partition("/")[0] == name for file in result.files):
             console.print(f"{text}: {output / name}", soft_wrap=True)
     if options.json:
-        names = ("recommendation", "findings", "doctor", "servo_check")
+        names = ("recommendation", "findings", "conditions", "servo_check")
         fields = ("name", "kind", "rank", "improves", "gain", "bandwidth", "metrics", "margins", "worst", "reason")
         rows = [{field: getattr(row, field) for field in fields} for row in result.compensators]
         models = [{"name": row.name, "rank": row.rank, "parameters": row.parameters} for row in result.models]

@@ -4,7 +4,6 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,6 @@ from typing import Any
 from lxml import etree
 
 from friction_fmus.export.composite.composite_interface import CompositeVariable, PartCode, reinitialised, states
-from friction_fmus.export.composite.diagram import diagram
 from friction_fmus.fmi.html_page import page, row, table
 from friction_fmus.fmi.model_description import LOG_CATEGORIES, declare_traits, icon_root
 from harness.errors import BuildError
@@ -127,20 +125,11 @@ def documentation(
             found[f"documentation/licenses/{code.folder}-{Path(member).name}"] = text
     texts = dict.fromkeys(found.values())
     found["documentation/licenses/license.txt"] = b"\n".join(texts) or b"The parts of this FMU state no licence.\n"
-    drawing = diagram(system, identifier)
-    found["documentation/diagram.svg"] = drawing
-    found[PAGE] = _page(system, identifier, summary, variables, drawing).encode()
+    found[PAGE] = _page(system, identifier, summary, variables).encode()
     return found
 
 
-def _page(
-    system: Assembly, identifier: str, summary: str, variables: Sequence[CompositeVariable], drawing: bytes
-) -> str:
-    width, height = (
-        round(float(size) * 4.0 / 3.0) for size in re.findall(rb'(?:width|height)="([\d.]+)pt"', drawing)[:2]
-    )
-    ways = dict.fromkeys(f"{wire.ends[0][0]} to {wire.ends[1][0]}" for wire in system.wires)
-    alternative = escape(f"Block diagram with connections from {', '.join(ways)}" if ways else f"Parts of {identifier}")
+def _page(system: Assembly, identifier: str, summary: str, variables: Sequence[CompositeVariable]) -> str:
     parts = "".join(
         row(name, part.archive.description.modelName, part.archive.description.description or "")
         for name, part in system.parts.items()
@@ -161,11 +150,7 @@ def _page(
         for title, caption, heads, body in tables
         if body
     )
-    body = (
-        f"<p>The FMU solves the loops of its parts.</p>\n"
-        f'<div class="wide">\n<img src="diagram.svg" alt="{alternative}" width="{width}" height="{height}">\n'
-        f"</div>\n{shown}"
-    )
+    body = f"<p>The FMU solves the loops of its parts.</p>\n{shown}"
     return page(identifier, "composite", summary, body, '<a href="licenses/license.txt">Licences</a> of the parts.')
 
 

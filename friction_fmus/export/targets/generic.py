@@ -32,7 +32,7 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
     for i, side in enumerate(sides):
         rows.append(Row(f"Coulomb friction {side}", text(p[i]), u.N, "in the direction of the reference velocity"))
         rows.append(Row(f"viscous friction {side}", text(p[2 + i]), u.Ns_m, speed))
-    friction = find(axis.model).about.in_loop.friction
+    friction = find(axis.model).about.friction
     if friction is not None:
         contact = friction.contact(axis.parameters)
         for side, level in zip(sides, contact.levels, strict=True):

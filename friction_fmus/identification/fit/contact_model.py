@@ -94,7 +94,7 @@ class ContactModel:
 
     def level(self, values: Mapping[str, float]) -> float:
         """Return the Coulomb friction, as the file of the block states it [force]."""
-        friction = find(self.block).about.in_loop.friction
+        friction = find(self.block).about.friction
         given = {**{name: parameter.start for name, parameter in self.parameters.items()}, **values}
         return max(friction.level(given).Fc if friction else values.get("Fc", 1.0), 1e-12)
 
@@ -203,7 +203,7 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
             f"{block.name} has a parameter {taken[0]}, the name of a result beside the model (mass M, offset OF of the "
             "drive); rename the parameter."
         )
-    friction, fits = block.about.in_loop.friction, block.about.identified.fits.values()
+    friction, fits = block.about.friction, block.about.identified.fits.values()
     return ContactModel(
         block.name,
         str(model),

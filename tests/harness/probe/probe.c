@@ -6,10 +6,6 @@
  * Boolean: b (input), not_b (output)
  * String:  label (parameter), part of the log message
  *
- * An instance whose name is that of a fault brings its process down: unborn (at instantiation), abort (when u is set
- * to 13), segfault, loop and quit (in a step beyond fail_time), restless (likewise, and logs without end), clinging
- * (when it is freed).
- *
  * An instance called WHAT_WHEN changes what belongs to the whole process: rounding, tiny (flush to zero), x87,
  * directory, locale, or calls exit(0) (exit), at its birth, start (initialisation), step (beyond fail_time) or end. When
  * the library is loaded and unloaded it does what the environment variables AT_LOAD and AT_UNLOAD say.
@@ -38,8 +34,6 @@ enum { U, Y, X, GAIN, FAIL_TIME };
 enum { N, TWICE_N, FAIL_STATUS };
 enum { B, NOT_B };
 
-static void touch_nothing(void) { *(volatile int *)(uintptr_t)4096 = 1; }
-
 static void meddle(const char *what)
 {
     if (strncmp(what, "rounding", 8) == 0) fesetround(FE_UPWARD);
@@ -66,17 +60,6 @@ static int meddle_when(const Probe *p, const char *when)
 __attribute__((constructor)) static void load(void) { meddle(getenv("AT_LOAD") ? getenv("AT_LOAD") : ""); }
 __attribute__((destructor)) static void unload(void) { meddle(getenv("AT_UNLOAD") ? getenv("AT_UNLOAD") : ""); }
 
-static void bring_down(Probe *p)
-{
-    if (strcmp(p->name, "segfault") == 0)
-        touch_nothing();
-    if (strcmp(p->name, "quit") == 0)
-        exit(3);
-    const int restless = strcmp(p->name, "restless") == 0;
-    while (restless || strcmp(p->name, "loop") == 0)
-        if (restless) p->logger(p->environment, "probe", fmi2Warning, "logStatusWarning", "still at it");
-}
-
 static void outputs(Probe *p)
 {
     p->real[Y] = p->real[GAIN] * p->real[U];
@@ -94,7 +77,6 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
         functions->logger(functions->componentEnvironment, name, fmi2Error, "logStatusError", "wrong guid %s", guid);
         return NULL;
     }
-    if (strcmp(name, "unborn") == 0) touch_nothing();
     Probe *p = calloc(1, sizeof(Probe));
     strncpy(p->name, name, 31);
     p->real[GAIN] = 1.0;
@@ -109,7 +91,6 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
 
 EXPORT void fmi2FreeInstance(fmi2Component c)
 {
-    if (strcmp(((Probe *)c)->name, "clinging") == 0) touch_nothing();
     meddle_when(c, "end");
     free(c);
 }
@@ -151,10 +132,6 @@ EXPORT fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference *vr, siz
             p->logger(p->environment, "probe", fmi2Discard, "logStatusDiscard", "gain = %g is below %d", v[i], 0);
             return fmi2Discard;
         }
-        if (vr[i] == U && v[i] == 13.0 && strcmp(p->name, "abort") == 0) {
-            p->logger(p->environment, "probe", fmi2Fatal, "logStatusFatal", "13 is too much");
-            abort();
-        }
         p->real[vr[i]] = v[i];
     }
     return fmi2OK;
@@ -184,7 +161,6 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolea
     Probe *p = c;
     (void)prior;
     if (t + h > p->real[FAIL_TIME] && !meddle_when(p, "step")) {
-        bring_down(p);
         p->logger(p->environment, "probe", p->integer[FAIL_STATUS], "logStatusError", "%s seized", p->label);
         return p->integer[FAIL_STATUS];
     }

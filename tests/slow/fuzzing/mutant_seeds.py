@@ -68,8 +68,6 @@ start = { Kp = 400.0, Kd = 40.0, Ki = 1.0, Ts = 1e-3, rd = 0.0, rdd = 0.0 }
 [parts.mass]
 model = "Mass"
 every = 1
-isolate = false
-timeout = 5.0
 start = { m = 1.0, v_support = 0.1, F_load = 0.0 }
 
 [parts.friction]
@@ -98,7 +96,7 @@ start = { N = 3, "k[2]" = 2e4 }
 KEYS = (
     *("name", "wires", "parts", "experiment", "start", "stop", "step", "master", "record", "decimate", "tolerance"),
     *("order", "extrapolation", "manipulators", "kind", "input", "value", "seed", "sigma", "probability", "samples"),
-    *("model", "fmu", "every", "isolate", "timeout", "interpolation", "beyond", "gain", "offset", "delay", "wire"),
+    *("model", "fmu", "every", "interpolation", "beyond", "gain", "offset", "delay", "wire"),
 )
 """What a system file may have somewhere."""
 

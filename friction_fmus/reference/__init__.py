@@ -1,0 +1,1 @@
+"""A set of cases with proven reference values, which tests tools that import FMUs."""

@@ -1,0 +1,175 @@
+"""Run the cases of a set in a tool, and compare its results with the reference."""
+
+from __future__ import annotations
+
+import math
+import os
+import shlex
+import signal
+import subprocess
+import sys
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic
+from typing import Any, Final
+
+import numpy as np
+
+from friction_fmus.errors import FrictionError
+from friction_fmus.reference.case import BOUND, INPUTS, REFERENCE, ReferenceCase
+from harness.storage.files import read_csv, reason
+
+TOOLS: Final = {
+    name: f"{{python}} -m friction_fmus.reference.tools {name} {{case}} {{output}}" for name in ("fmpy", "harness")
+}
+"""Command lines of the tools that are installed with this package."""
+
+SKIPPED: Final = 77  # exit status of a tool that does not support a case
+
+PASSED, INACCURATE, FAILED, UNSUPPORTED = "passed", "inaccurate", "failed", "not supported"
+
+SAME: Final = 1e-6  # distance of times that count as equal, in communication steps
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a tool made of a case."""
+
+    case: str
+    state: str  # passed, inaccurate, failed or not supported
+    detail: str  # largest deviation over its bound, or the reason
+    seconds: float = 0.0  # duration
+
+
+def run_case(
+    case: ReferenceCase,
+    command: str,
+    folder: Path,
+    *,
+    results: Path | None = None,
+    lacks: Collection[str] = (),
+    time_limit: float | None = None,
+) -> Verdict:
+    """Run a case by a command line, with its results in a folder, and compare them; see docs/reference-set.md.
+
+    ``results`` is a folder with results that need no run, ``lacks`` the needs of cases that the tool does not meet, and
+    ``time_limit`` replaces that of the case.
+    """
+    begin = monotonic()
+    output = ((results or folder) / f"{case.name}.csv").resolve()
+    unmet = {*lacks}
+    if results is None and "{case}" not in command:  # it cannot tell the tool
+        unmet |= {"start", "call", *({"inputs"} if "{inputs}" not in command else ())}
+    state, detail = "", ""
+    if needs := [need for need in case.all_needs if need in unmet]:
+        state, detail = UNSUPPORTED, f"needs {', '.join(needs)}"
+    elif results is None:
+        state, detail = _run(case, command, output, time_limit or case.time_limit)
+    elif not output.is_file():
+        state, detail = UNSUPPORTED, "there is no result"
+    if not state:
+        state, detail = compare(case, output)
+    return Verdict(case.name, state, detail, monotonic() - begin)
+
+
+def _run(case: ReferenceCase, command: str, output: Path, limit: float) -> tuple[str, str]:
+    """Run the tool; return the verdict and its reason, empty if there are results to compare."""
+    output.unlink(missing_ok=True)
+    folder = case.folder.resolve()
+    places: dict[str, Any] = {
+        "case": folder,
+        "fmu": folder / case.file.name,
+        "output": output,
+        "python": sys.executable,
+    }
+    places |= {name: repr(value) for name, value in vars(case.experiment).items()}
+    places["inputs"] = folder / INPUTS
+    try:
+        given = [word for word in shlex.split(command) if case.inputs or "{inputs}" not in word]
+        words = [word.format_map(places) for word in given]
+        pipes: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+        process = subprocess.Popen(words, **pipes, start_new_session=True)
+    except (OSError, ValueError, KeyError, IndexError) as error:
+        raise FrictionError(f"the command {command!r} cannot be run ({reason(error)}); correct it") from error
+    said = b""
+    with process:
+        try:
+            said, _ = process.communicate(timeout=limit)
+        except subprocess.TimeoutExpired:
+            return FAILED, f"it did not end within {limit:g} s"
+        finally:
+            if process.poll() is None:  # with what it has started
+                os.killpg(process.pid, signal.SIGKILL) if os.name == "posix" else process.kill()
+    last = [*said.decode(errors="replace").strip().splitlines(), "it printed nothing"][-2:][0][:300]
+    status = process.returncode
+    if status == SKIPPED:
+        return UNSUPPORTED, last
+    if status < 0:
+        return FAILED, f"it crashed ({signal.Signals(-status).name}): {last}"
+    if status:
+        return (PASSED, f"it refuses, as it may: {last}") if case.may_refuse else (FAILED, f"status {status}: {last}")
+    return ("", "") if output.is_file() else (FAILED, f"it wrote no {output.name}: {last}")
+
+
+def read_results(path: Path) -> dict[str, list[str]]:
+    """Return the columns of a CSV file with the time and variables, perhaps with units in its heading."""
+    heading, *rows = read_csv(path)
+    names = [name.strip().partition(" [")[0] for name in heading]
+    return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True)) if rows else {name: [] for name in names}
+
+
+def compare(case: ReferenceCase, output: Path) -> tuple[str, str]:
+    """Return the verdict on results, and its reason."""
+    reference, bound = read_results(case.folder / REFERENCE), read_results(case.folder / BOUND)
+    wanted, slack = np.array(reference["time"], dtype=float), SAME * case.experiment.step
+    try:
+        found = read_results(output)
+        times = np.array(found["time"], dtype=float)
+    except (OSError, ValueError, KeyError) as error:
+        return FAILED, f"its results cannot be read ({reason(error)})"
+    if missing := [name for name in case.outputs if name not in found]:
+        return FAILED, f"its results have no {', '.join(missing)}"
+    if case.call and len(times) != len(wanted):
+        return FAILED, f"its results have {len(times)} rows, not {len(wanted)}"
+    if not case.call and not (np.diff(times) >= -slack).all():
+        return FAILED, "its times decrease"
+    if times.size and times.max() > wanted.max() + slack:
+        return FAILED, f"it runs to {times.max():.12g} s, and has to end at {wanted.max():.12g} s"
+    worst, detail = 0.0, ""
+    for row, t in enumerate(wanted):
+        if case.call:
+            alike, rows = [row], [row] * int(abs(times[row] - t) <= slack)
+        else:
+            alike, rows = [*np.flatnonzero(wanted == t)], [*range(*np.searchsorted(times, [t - slack, t + slack]))]
+        for name in case.outputs:
+            values, right, allowed = found[name], reference[name], bound[name]
+            if right[row] == "":  # not compared
+                continue
+            if not rows:
+                return FAILED, f"its results have no row for {t:.12g} s"
+            ratio, i, k = min((_ratio(values[i], right[k], allowed[k]), i, k) for i in rows for k in alike)
+            if ratio > worst:
+                worst, detail = (
+                    ratio,
+                    f"{name} is {values[i]} at {t:.12g} s, not {right[k]} with the bound {allowed[k]}",
+                )
+    if math.isinf(worst):
+        return FAILED, detail
+    state = PASSED if worst <= 1.0 else INACCURATE
+    return state, f"{worst:.2g} times the bound{f': {detail}' if worst > 1.0 else ''}"
+
+
+_TRUTHS: Final = {"true": "1", "false": "0"}
+
+
+def _ratio(value: str, right: str, bound: str) -> float:
+    """Return a deviation over its bound; infinite if it is not a number, or has to be exact and is not."""
+    try:
+        number, expected, allowed = (float(_TRUTHS.get(each.lower(), each)) for each in (value, right, bound or "0"))
+    except ValueError:
+        return 0.0 if value == right else math.inf
+    error = abs(number - expected)
+    if error == 0.0:
+        return 0.0
+    return error / allowed if allowed > 0.0 and math.isfinite(error) else math.inf
