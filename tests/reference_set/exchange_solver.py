@@ -91,7 +91,8 @@ class ExchangeSolver:
 
     def _event(self) -> None:
         self.instance.must("EnterEventMode")
-        self.instance.put(self.inputs.at(self.t))
+        if "input-jump-without-event" not in self.faults:
+            self.instance.put(self.inputs.at(self.t))
         self._update([name for name, t in self._ticks.items() if t <= self.t])
         if self.ended:
             return
@@ -184,10 +185,11 @@ class ExchangeSolver:
             kink = next((t for t in stops if t > self.t), math.inf)
             stop = min(point, event_at, ticks, kink)
             found = self._step(stop) if stop > self.t else False
-            asked, ends = self.instance.completed()
+            silent = "no-completed-integrator-step" in self.faults
+            asked, ends = (False, False) if silent else self.instance.completed()
             if ends and "terminated-ignored" not in self.faults:
                 self.ended = True
-            jumped = self.t in jumps
+            jumped = self.t in jumps and "input-jump-without-event" not in self.faults
             if "state-event-at-end-of-step" in self.faults and self.t == point and self.instance.fmu.indicators:
                 found = self._crossed(self.t, self.x)
             if self.t == point or self.ended:

@@ -12,6 +12,7 @@ FAULTS: Mapping[str, str] = MappingProxyType(
         "inputs-held-one-step-late": "a step uses the inputs of the communication point before",
         "inputs-after-step": "inputs of a time are set after the step that begins at this time",
         "inputs-not-interpolated": "inputs are held between communication points where the FMU takes lines",
+        "input-jump-without-event": "a jump of an input in model exchange is no event",
         "start-values-ignored": "start values are not set",
         "start-values-after-initialisation": "start values are set after the initialisation",
         "boolean-as-real": "Booleans are set by the function for floating-point numbers",
@@ -30,6 +31,7 @@ FAULTS: Mapping[str, str] = MappingProxyType(
         "state-event-at-end-of-step": "a state event is handled at the next communication point",
         "no-event-iteration": "the discrete states are updated once per event",
         "no-new-states-after-event": "states that an event has changed are not read",
+        "no-completed-integrator-step": "the end of a step of the integrator is not told",
         # time
         "stop-time-overrun": "the last step is a whole one, beyond the stop time",
         "last-partial-step-skipped": "the last step is left out if it is not a whole one",

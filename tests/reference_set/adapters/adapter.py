@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import math
+import os
 import sys
 import tempfile
 import tomllib
@@ -104,7 +105,11 @@ def main(run: Callable[[AdaptedCase], Rows], lacks: Collection[str], version: Ca
     try:
         rows = list(run(case))
     except UnsupportedError as error:
-        print(error)
-        sys.exit(SKIPPED)
+        print(error, flush=True)
+        os._exit(SKIPPED)  # some libraries have the last word on standard output
+    except Exception as error:
+        text = f"{type(error).__name__}: {error}"
+        print(text, flush=True)
+        os._exit(SKIPPED if "not supported" in text else 1)
     with output.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([["time", *case.outputs], *rows])

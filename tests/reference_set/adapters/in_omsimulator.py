@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import math
 import shutil
 import tempfile
 from pathlib import Path
@@ -30,12 +32,12 @@ def run(case: AdaptedCase) -> Rows:
         Capi.setTempDirectory(str(folder))
         Capi.setWorkingDirectory(str(folder))
         Capi.setCommandLineOption("--suppressPath=true")
-        return list(system(case) if case.kind == "ssp" else alone(case))
+        return list(system(case) if case.kind == "ssp" else alone(case, folder))
     finally:
         shutil.rmtree(folder)
 
 
-def alone(case: AdaptedCase) -> Rows:
+def alone(case: AdaptedCase, folder: Path) -> Rows:
     """One FMU, with a table for its inputs."""
     strong = case.kind == "me"
     checked(Capi.newModel("model"), "newModel")
@@ -45,7 +47,7 @@ def alone(case: AdaptedCase) -> Rows:
     if inputs.held:
         raise UnsupportedError("its tables have real numbers only")
     if inputs.lines:
-        checked(Capi.addSubModel("model.root.table", str(case.folder / "inputs.csv")), "addSubModel")
+        checked(Capi.addSubModel("model.root.table", str(table(case, folder))), "addSubModel")
         for name in inputs.lines:
             checked(Capi.addConnection(f"model.root.table.{name}", f"model.root.fmu.{name}"), "addConnection")
     for name, value in case.values.items():
@@ -56,6 +58,17 @@ def alone(case: AdaptedCase) -> Rows:
         checked(Capi.setFixedStepSize("model.root", case.step), "setFixedStepSize")
     checked(Capi.setTolerance("model.root", case.tolerance), "setTolerance")
     return simulated(case, "model")
+
+
+def table(case: AdaptedCase, folder: Path) -> Path:
+    """The inputs with the row before a jump a moment earlier, as it takes the first of two rows with one time."""
+    path = folder / "table.csv"
+    inputs = case.inputs()
+    times = [math.nextafter(t, -math.inf) if t in inputs.times[k + 1 :] else t for k, t in enumerate(inputs.times)]
+    rows = zip(times, *inputs.columns.values(), strict=True)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows([["time", *inputs.columns], *([repr(x) for x in row] for row in rows)])
+    return path
 
 
 def put(name: str, value: Any, kind: str) -> None:

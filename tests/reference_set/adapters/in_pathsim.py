@@ -11,7 +11,7 @@ from pathsim.blocks import Scope, Source
 from pathsim.solvers import RKDP54
 from pathsim_fmi import CoSimulationFMU, ModelExchangeFMU
 
-LACKS = ("call", "ssp")
+LACKS = ("call", "ssp", "partial-last-step", "event-mode", "enumerations")
 
 
 def run(case: AdaptedCase) -> Rows:
@@ -21,12 +21,18 @@ def run(case: AdaptedCase) -> Rows:
     inputs = case.inputs()
     if inputs.held:
         raise UnsupportedError("its signals are real numbers")
+    if any(isinstance(value, (str, list)) for value in case.values.values()):
+        raise UnsupportedError("its start values are numbers")
     if case.kind == "cs":
         block: Any = CoSimulationFMU(str(case.file), start_values=case.values, dt=case.step)
     else:
         block = ModelExchangeFMU(str(case.file), start_values=case.values)
     scope = Scope(labels=case.outputs)
-    sources = {name: Source(lambda t, name=name: inputs.at(t)[name]) for name in inputs.columns}
+    variables = block.fmu_wrapper.model_description.modelVariables
+    held = {v.name: float(v.start) for v in variables if v.causality == "input" and v.type in ("Real", "Float64")}
+    held |= {name: float(value) for name, value in case.values.items() if name in held}
+    sources = {name: Source(lambda t, value=value: value) for name, value in held.items()}  # else it sets them to 0
+    sources |= {name: Source(lambda t, name=name: inputs.at(t)[name]) for name in inputs.columns}
     wires = [Connection(source, block[name]) for name, source in sources.items()]
     for k, name in enumerate(case.outputs):
         try:
@@ -44,6 +50,7 @@ def run(case: AdaptedCase) -> Rows:
         log=False,
     )
     first, *others = case.times()
+    simulation._update(first)  # it computes outputs when it runs
     rows = [[first, *block_values(block, case)]]
     for t in others:
         simulation.run(t - simulation.time, reset=False, adaptive=case.kind == "me")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
+from collections.abc import Callable
 from importlib.metadata import version
 from typing import Any
 
@@ -24,6 +25,16 @@ def run(case: AdaptedCase) -> Rows:
         return list(integrated(case, folder))
     finally:
         shutil.rmtree(folder)
+
+
+def root(indicators: Callable[[float, np.ndarray], np.ndarray], i: int, above: bool) -> Any:
+    """The i-th indicator as an event of `solve_ivp` that is passed in one direction; 0 counts as below."""
+
+    def value(t: float, x: np.ndarray) -> float:
+        return float(indicators(t, x)[i]) - (0.0 if above else 1e-14)
+
+    value.terminal, value.direction = True, -1.0 if above else 1.0  # type: ignore[attr-defined]
+    return value
 
 
 def integrated(case: AdaptedCase, folder: str) -> Rows:
@@ -98,9 +109,7 @@ def integrated(case: AdaptedCase, folder: str) -> Rows:
             found = False
             if stop > t:
                 before = indicators(t, state)
-                roots = [lambda s, at, i=i: indicators(s, at)[i] for i in range(m)]
-                for root in roots:
-                    root.terminal = True  # type: ignore[attr-defined]
+                roots = [root(indicators, i, bool(before[i] > 0.0)) for i in range(m)]
                 if n:
                     made = solve_ivp(rates, (t, stop), state, "LSODA", rtol=1e-9, atol=1e-12, events=roots or None)
                     t, state, found = float(made.t[-1]), made.y[:, -1], made.status == 1
