@@ -20,7 +20,7 @@ from shell.selection import CONTINUOUS_BLOCKS, of_each_branch, one_of_each
 from friction_fmus import catalogue
 from harness.compiling import toolchain
 
-PACKAGER = {"block_rows", "block_evaluate"}
+PACKAGER = {"block_rows", "block_evaluate", "blockDirect"}  # blockDirect: for the harness, see direct.h
 SI = {  # unit -> exponents of kg, m, s, rad
     "kg": (1, 0, 0, 0),
     "m": (0, 1, 0, 0),
@@ -100,7 +100,7 @@ def test_no_path_of_the_building_machine_is_in_the_binary(library: Library) -> N
 
 
 @pytest.mark.skipif(shutil.which("nm") is None, reason="lists symbols with nm")
-def test_only_the_functions_of_the_standard_and_the_packager_are_exported(library: Library) -> None:
+def test_only_the_functions_of_the_standard_and_of_the_project_are_exported(library: Library) -> None:
     listing = subprocess.run(
         ["nm", "-D", "--defined-only", library.binary], capture_output=True, text=True, check=True
     ).stdout
