@@ -128,6 +128,7 @@ typedef struct {
     int exchange;                  /* 1: for model exchange, 0: for co-simulation */
     bool stale;                    /* a value was set after the outputs were computed */
     bool slopes_used;              /* the input derivatives belong to the completed step */
+    bool sloped;                   /* an input derivative may not be zero */
     bool outputs_done;             /* the step has also computed the outputs */
     bool warning, warned;          /* the block's WARNING is due; it has been logged */
     bool too_much;                 /* the failed step would exceed the limit of work */

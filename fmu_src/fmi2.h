@@ -195,7 +195,7 @@ GET(Boolean, TYPE_BOOLEAN, AS_BOOLEAN)
 static bool advance(Model *m, double t, double h)
 {
     follow_time(m, t);
-    if ((h - m->run.rest) / m->Ts > MOST_TRIES)
+    if (h - m->run.rest > MOST_TRIES * m->Ts)
         return false;
     const double last = h - sample_slack(m);
     double begin[INPUTS + 1];
@@ -211,7 +211,7 @@ static bool advance(Model *m, double t, double h)
         m->run.tick++;
     }
     m->run.rest -= h;
-    for (int i = 0; i < INPUTS; i++)
+    for (int i = 0; m->run.sloped && i < INPUTS; i++)
         *value_of(m, inputs[i]) = (due ? begin[i] : *value_of(m, inputs[i])) + m->slope[i] * h;
     return true;
 }
@@ -289,8 +289,10 @@ static const char *violated_relation(Instance *c)
 
 static bool take_step(Model *m, double t, double h)
 {
-    if (m->run.slopes_used)
+    if (m->run.slopes_used && m->run.sloped) {
         memset(m->slope, 0, sizeof m->slope);
+        m->run.sloped = false;
+    }
     const bool done = advance(m, t, h);
     m->time = t + h;
     return done;

@@ -137,6 +137,7 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueR
     if (c->model.run.slopes_used)
         memset(c->model.slope, 0, sizeof c->model.slope);
     c->model.run.slopes_used = false;
+    c->model.run.sloped = true;
     for (size_t i = 0; i < n; i++)
         for (int k = 0; k < INPUTS; k++)
             if (inputs[k] == references[i])

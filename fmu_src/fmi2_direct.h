@@ -48,6 +48,7 @@ static int direct_slopes(void *component, const Ports *p, const double *slopes)
         return NOT_DIRECT;
     memset(c->model.slope, 0, sizeof c->model.slope);
     c->model.run.slopes_used = false;
+    c->model.run.sloped = true;
     for (int64_t i = 0; i < p->reals; i++)
         for (int k = 0; k < INPUTS; k++)
             if (inputs[k] == p->input_references[i])

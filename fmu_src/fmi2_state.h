@@ -105,13 +105,13 @@ static bool plausible(const Model *m)
                                             : mode == STEP_COMPLETE || mode == STEP_FAILED;
     bool good = (before || between || after) && is_flag(&run->frozen) &&
                 run->frozen == (DECIDES && run->exchange != 0 && !before) && is_flag(&run->stale) &&
-                is_flag(&run->slopes_used) && is_flag(&run->outputs_done) && is_flag(&run->warning) &&
-                is_flag(&run->warned) && is_flag(&run->too_much) && run->tick >= 0 && run->tick <= most_samples &&
-                run->inner_step >= 0.0 && run->inner_step < INF && run->last_step >= 0.0 && run->last_step < INF &&
-                isfinite(run->rest) && run->drift >= 0.0 && run->drift < INF && isfinite(run->start) &&
-                run->stop >= run->start && run->tolerance >= 0.0 && run->tolerance < INF;
+                is_flag(&run->slopes_used) && is_flag(&run->sloped) && is_flag(&run->outputs_done) &&
+                is_flag(&run->warning) && is_flag(&run->warned) && is_flag(&run->too_much) && run->tick >= 0 &&
+                run->tick <= most_samples && run->inner_step >= 0.0 && run->inner_step < INF && run->last_step >= 0.0 &&
+                run->last_step < INF && isfinite(run->rest) && run->drift >= 0.0 && run->drift < INF &&
+                isfinite(run->start) && run->stop >= run->start && run->tolerance >= 0.0 && run->tolerance < INF;
     for (int i = 0; i <= INPUTS; i++)
-        good = good && isfinite(m->slope[i]);
+        good = good && isfinite(m->slope[i]) && (run->sloped || m->slope[i] == 0.0);
     for (size_t i = 0; i < ROWS; i++)
         for (uint32_t k = 0; k < (rows[i].length ? rows[i].length : 1); k++)
             good = good && plausible_value(&rows[i], value[rows[i].index + k]);

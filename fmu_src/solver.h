@@ -22,7 +22,7 @@ static inline void move_inputs(Model *m, double s)
 
 static inline bool inputs_held(const Model *m)
 {
-    for (int i = 0; i < INPUTS; i++)
+    for (int i = 0; m->run.sloped && i < INPUTS; i++)
         if (m->slope[i] != 0.0)
             return false;
     return true;

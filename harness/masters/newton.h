@@ -100,8 +100,10 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
                 if (again && splits == 0) /* the motion after a jump is soon slower */
                     limit_steps(guard, p.since < 0.0 ? s.h : fmax(s.h, h / (RUNG * RUNG)));
                 p.done = s.to >= 1.0 ? h : p.done + piece;
-                if (splits == 0)
-                    *proposed = fmax(accurate, piece * (again ? 1.0 : fmin(4.0, 0.8 / sqrt(off + 1e-9))));
+                if (splits == 0) /* 0.8 / sqrt(off) would be more than 4 below 0.04 */
+                    *proposed = fmax(accurate, piece * (again         ? 1.0
+                                                        : off < 0.039 ? 4.0
+                                                                      : fmin(4.0, 0.8 / sqrt(off + 1e-9))));
                 break;
             }
             newton->rejected++;
