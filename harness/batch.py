@@ -48,8 +48,8 @@ class HeldInputs(CallablePart):
     """The inputs of a batch, as held outputs of a part that exists in C only."""
 
     def __init__(self, name: str, ports: Sequence[Port]) -> None:
-        starts = [float(port.start or 0.0) for port in ports]
-        super().__init__(name, lambda t, u, x: starts, outputs=ports, sampled=True)
+        self.starts = {port.name: float(port.start or 0.0) for port in ports}  # the values at the start of a run
+        super().__init__(name, lambda t, u, x: [*self.starts.values()], outputs=ports, sampled=True)
 
     def native(self, inputs: Sequence[str], outputs: Sequence[str]) -> Native | None:
         """Return functions that do nothing."""
@@ -61,7 +61,7 @@ class _Engine:
     """An engine for one thread, with its own parts."""
 
     def __init__(self, system: System, experiment: Experiment, inputs: Sequence[str], outputs: Sequence[str]) -> None:
-        self._system, self.experiment = _with_inputs(system, inputs), experiment
+        self._system = _with_inputs(system, inputs)
         parts, wires = self._system.parts, self._system.wires
         self._guard = Guard([*parts.values()])
         with self._guard.running():
@@ -80,15 +80,14 @@ class _Engine:
             if isinstance(part, FmuPart):
                 part.reuse = True
         self._columns = np.array([plan.columns[name] for name in outputs], dtype=np.int64)
-        self._inputs = [
-            plan.columns[f"{part.name}.{name}"]
-            for part in plan.parts
-            if isinstance(part, HeldInputs)
-            for name in inputs
-        ]
+        self._held = [part for part in plan.parts if isinstance(part, HeldInputs)]
+        names = [f"{part.name}.{name}" for part in self._held for name in inputs]
+        self._inputs = np.array([plan.columns[name] for name in names], dtype=np.int64)
 
     def start(self, values: Mapping[str, StartValue], varied: Collection[str]) -> NDArray[np.uint8]:
         """Begin a run and return the state at its start, with the parameters of the varied parts."""
+        for part in self._held:
+            part.starts |= {name: float(values[name]) for name in part.starts.keys() & values.keys()}
         with self._guard.running():
             self._initialisation.start({**self._system.start, **values})
         engine, algorithm = self.engine, self._algorithm
@@ -108,7 +107,7 @@ class _Engine:
         places += self._places(varied)
         self.pieces = (Piece * len(places))(*(Piece(*place) for place in places))
         self.data = BatchData(ctypes.addressof(self.pieces), len(places), 0, sum(size for _, size in places))
-        self.data.first_input, self.data.input_count = min(self._inputs, default=0), len(self._inputs)
+        self.data.targets, self.data.input_count = self._inputs.ctypes.data, len(self._inputs)
         self.data.columns, self.data.output_count = self._columns.ctypes.data, len(self._columns)
         return np.concatenate([np.frombuffer(ctypes.string_at(*place), dtype=np.uint8) for place in places])
 
@@ -203,13 +202,13 @@ class Batch:
             raise ExperimentError(f"a batch of {shown(n)} copies: give an integer number, 1 or more")
         if threads is not None and not is_count(threads):
             raise ExperimentError(f"{shown(threads)} threads: give an integer number, 1 or more")
-        self.n, self.inputs = int(n), tuple(inputs)
+        self.n, self.inputs, self._experiment = int(n), tuple(inputs), experiment
         self.outputs = tuple(recorded_names(system.parts, outputs, "outputs"))
         for part in system.parts.values():
             if not isinstance(part, FmuPart):
                 raise HarnessError(_refusal(part))
         self.failures: dict[int, Exception] = {}
-        same = {name: plain(value) for name, value in start.items() if np.ndim(value) == 0}
+        same = {name: plain(value) for name, value in start.items() if np.isscalar(value)}
         self._varied = {name: _column(name, value, self.n) for name, value in start.items() if name not in same}
         whole = system.with_start({**same, **self._start_of(0)})
         count = min(threads or available(), max(1, self.n // FEWEST))
@@ -259,8 +258,7 @@ class Batch:
     @property
     def time(self) -> Values:
         """Time of each copy [s]."""
-        experiment = self._engines[0].experiment
-        return np.asarray(experiment.start + self._ticks * experiment.step)
+        return np.asarray(self._experiment.start + self._ticks * self._experiment.step)
 
     @property
     def size(self) -> int:
@@ -289,6 +287,7 @@ class Batch:
         ExperimentError
             If the inputs have another shape or the number of steps is none; nothing is stepped then.
         """
+        self._require_open()
         if not is_count(steps):
             raise ExperimentError(f"{shown(steps)} steps: give an integer number, 1 or more")
         rows = _table(inputs, (self.n, len(self.inputs)), "inputs")
@@ -324,6 +323,7 @@ class Batch:
         ExperimentError, StartValueError
             If there is no such copy or a start value is not accepted.
         """
+        self._require_open()
         chosen = self._chosen(which)
         for name in start or {}:
             if name not in self._varied:
@@ -345,6 +345,10 @@ class Batch:
         self._return(chosen)
         return self.values
 
+    def _require_open(self) -> None:
+        if not self._engines:
+            raise HarnessError("the batch is closed: make another one with System.batch")
+
     def _chosen(self, which: ArrayLike | None) -> NDArray[np.int64]:
         """Return the indices of copies."""
         if which is None:
@@ -365,6 +369,7 @@ class Batch:
             self._pool.shutdown()
         for engine in self._engines:
             engine.close()
+        self._engines = []
 
     def __enter__(self) -> Self:
         return self
@@ -376,21 +381,24 @@ class Batch:
 def _table(values: ArrayLike, shape: tuple[int, int], what: str) -> Values:
     """Return numbers as a contiguous array of this shape."""
     try:
-        table = np.ascontiguousarray(values, dtype=np.float64)
+        table = np.ascontiguousarray(np.asarray(values).astype(np.float64, casting="same_kind", copy=False))
     except (TypeError, ValueError) as error:
         raise ExperimentError(f"the {what} are not numbers ({error}): give an array of float64") from error
     if table.shape != shape and not (table.size == 0 and 0 in shape):
         raise ExperimentError(f"the {what} have the shape {table.shape}: give {shape}, a row for each copy")
-    return table
+    return table.reshape(shape)
 
 
 def _column(name: str, values: ArrayLike, n: int) -> NDArray[Any]:
-    column = np.array(values)
+    try:
+        column = np.array(values)
+    except ValueError as error:
+        raise StartValueError(f"the start values of {name} are no array ({error}): give {n} numbers") from error
     if column.shape != (n,) or column.dtype.kind not in "fiub":
         raise StartValueError(
             f"the start values of {name} have the shape {column.shape}: give a number, or {n} of them"
         )
-    return column
+    return column.astype(np.float64)  # the first ones may be integers, and those of a reset not
 
 
 def _refusal(part: Part) -> str:

@@ -1,7 +1,8 @@
 /* An FMU of the reference set for features that the blocks lack: Integers, enumerations and strings, partial steps, an
    end before the stop time, an event with iterations, and messages. modelDescription.xml is Features.xml.
 
-       dy/dt = rate count mode (1 if flag, else -1) + u; y jumps by 1 in each of the three iterations at event_time
+       dy/dt = rate count mode (1 if flag, else -1) + u; y jumps by 1 in each of the three iterations at event_time,
+       which is a time event if announced, or else the end of an integrator step after it
 
    It trusts its importer, as many FMUs do: it does not check the order of calls, nor that there is a logger. */
 
@@ -16,7 +17,7 @@
 
 enum { LARGEST_STEP, EVENT_TIME, U, END, Y, DER_Y, RATE, REALS };
 enum { LENGTH, COUNT_OUT, MODE, MODE_OUT, COUNT, MESSAGES, INTEGERS };
-enum { FLAG_OUT, FLAG, BOOLEANS, LONGEST = 100 /* text */ };
+enum { FLAG_OUT, FLAG, ANNOUNCED, BOOLEANS, LONGEST = 100 /* text */ };
 
 typedef struct {
     fmi2Real real[REALS], time;
@@ -32,7 +33,7 @@ static void set_start_values(Instance *c)
     memcpy(c->real, reals, sizeof reals);
     memcpy(c->integer, integers, sizeof integers);
     strcpy(c->string, "none");
-    c->boolean[FLAG] = fmi2True;
+    c->boolean[FLAG] = c->boolean[ANNOUNCED] = fmi2True;
     c->iterations = 3;
     c->ended = fmi2False;
 }
@@ -50,18 +51,22 @@ static Instance *updated(fmi2Component component)
     return c;
 }
 
+static int due(const Instance *c) { return c->iterations > 0 && c->time >= c->real[EVENT_TIME] - 1e-12; }
+
 fmi2Status fmi2NewDiscreteStates(fmi2Component component, fmi2EventInfo *info)
 {
     Instance *const c = (Instance *)component;
     memset(info, 0, sizeof *info);
-    if (c->iterations > 0 && c->time >= c->real[EVENT_TIME] - 1e-12) {
+    if (due(c)) {
         c->real[Y] += 1.0;
         c->iterations--;
         info->newDiscreteStatesNeeded = c->iterations > 0;
         info->valuesOfContinuousStatesChanged = fmi2True;
     }
     info->terminateSimulation = c->time >= c->real[END] - 1e-12;
-    info->nextEventTime = c->iterations > 0 ? fmin(c->real[EVENT_TIME], c->real[END]) : c->real[END];
+    info->nextEventTime = c->real[END];
+    if (c->boolean[ANNOUNCED] && c->time < c->real[EVENT_TIME] - 1e-12)
+        info->nextEventTime = fmin(c->real[EVENT_TIME], c->real[END]);
     info->nextEventTimeDefined = info->nextEventTime < 1e9;
     return fmi2OK;
 }
@@ -117,46 +122,40 @@ const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 const char *fmi2GetVersion(void) { return fmi2Version; }
 void fmi2FreeInstance(fmi2Component c) { free(c); }
 
+#define THIS ((Instance *)component)
 #define FUNCTION(name, arguments, code)                                                                                \
-    fmi2Status fmi2##name arguments                                                                                    \
-    {                                                                                                                  \
-        Instance *const c = (Instance *)component;                                                                     \
-        code;                                                                                                          \
-        return fmi2OK;                                                                                                 \
-    }
-#define IGNORED(name, arguments, status)                                                                               \
-    fmi2Status fmi2##name arguments { return status; }
+    fmi2Status fmi2##name arguments { return code; }
 #define WHO  fmi2Component component
 #define KIND WHO, const fmi2StatusKind kind
-FUNCTION(SetupExperiment, (WHO, fmi2Boolean a, fmi2Real b, fmi2Real t, fmi2Boolean d, fmi2Real e), c->time = t)
-FUNCTION(Reset, (WHO), set_start_values(c))
-FUNCTION(SetTime, (WHO, fmi2Real t), c->time = t)
-FUNCTION(SetContinuousStates, (WHO, const fmi2Real y[], size_t n), c->real[Y] = y[0])
-FUNCTION(GetContinuousStates, (WHO, fmi2Real y[], size_t n), y[0] = c->real[Y])
-FUNCTION(GetDerivatives, (WHO, fmi2Real values[], size_t n), values[0] = updated(c)->real[DER_Y])
-FUNCTION(GetRealStatus, (KIND, fmi2Real *value), *value = c->time)
-FUNCTION(GetBooleanStatus, (KIND, fmi2Boolean *value), *value = c->ended)
-IGNORED(GetNominalsOfContinuousStates, (WHO, fmi2Real values[], size_t n), (values[0] = 1.0, fmi2OK))
-IGNORED(CompletedIntegratorStep, (WHO, fmi2Boolean a, fmi2Boolean *b, fmi2Boolean *e), (*b = *e = fmi2False, fmi2OK))
-IGNORED(SetDebugLogging, (WHO, fmi2Boolean on, size_t n, const fmi2String categories[]), fmi2OK)
-IGNORED(EnterInitializationMode, (WHO), fmi2OK)
-IGNORED(ExitInitializationMode, (WHO), fmi2OK)
-IGNORED(Terminate, (WHO), fmi2OK)
-IGNORED(EnterEventMode, (WHO), fmi2OK)
-IGNORED(EnterContinuousTimeMode, (WHO), fmi2OK)
-IGNORED(GetEventIndicators, (WHO, fmi2Real values[], size_t n), fmi2OK)
-IGNORED(GetFMUstate, (WHO, fmi2FMUstate *state), fmi2Error)
-IGNORED(SetFMUstate, (WHO, fmi2FMUstate state), fmi2Error)
-IGNORED(FreeFMUstate, (WHO, fmi2FMUstate *state), fmi2Error)
-IGNORED(SerializedFMUstateSize, (WHO, fmi2FMUstate state, size_t *size), fmi2Error)
-IGNORED(SerializeFMUstate, (WHO, fmi2FMUstate state, fmi2Byte bytes[], size_t size), fmi2Error)
-IGNORED(DeSerializeFMUstate, (WHO, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state), fmi2Error)
-IGNORED(GetDirectionalDerivative,
-        (WHO, REFERENCES, const fmi2ValueReference known[], size_t m, const fmi2Real seed[], fmi2Real values[]),
-        fmi2Error)
-IGNORED(SetRealInputDerivatives, (WHO, REFERENCES, const fmi2Integer orders[], const fmi2Real values[]), fmi2Error)
-IGNORED(GetRealOutputDerivatives, (WHO, REFERENCES, const fmi2Integer orders[], fmi2Real values[]), fmi2Error)
-IGNORED(CancelStep, (WHO), fmi2Error)
-IGNORED(GetStatus, (KIND, fmi2Status *value), fmi2Discard)
-IGNORED(GetIntegerStatus, (KIND, fmi2Integer *value), fmi2Discard)
-IGNORED(GetStringStatus, (KIND, fmi2String *value), fmi2Discard)
+FUNCTION(SetupExperiment, (WHO, int a, fmi2Real b, fmi2Real t, int d, fmi2Real e), (THIS->time = t, fmi2OK))
+FUNCTION(Reset, (WHO), (set_start_values(THIS), fmi2OK))
+FUNCTION(SetTime, (WHO, fmi2Real t), (THIS->time = t, fmi2OK))
+FUNCTION(SetContinuousStates, (WHO, const fmi2Real y[], size_t n), (THIS->real[Y] = y[0], fmi2OK))
+FUNCTION(GetContinuousStates, (WHO, fmi2Real y[], size_t n), (y[0] = THIS->real[Y], fmi2OK))
+FUNCTION(GetDerivatives, (WHO, fmi2Real values[], size_t n), (values[0] = updated(component)->real[DER_Y], fmi2OK))
+FUNCTION(GetRealStatus, (KIND, fmi2Real *value), (*value = THIS->time, fmi2OK))
+FUNCTION(GetBooleanStatus, (KIND, fmi2Boolean *value), (*value = THIS->ended, fmi2OK))
+FUNCTION(GetNominalsOfContinuousStates, (WHO, fmi2Real values[], size_t n), (values[0] = 1.0, fmi2OK))
+FUNCTION(CompletedIntegratorStep, (WHO, int a, int *event, int *end), (*end = 0, *event = due(THIS), fmi2OK))
+FUNCTION(SetDebugLogging, (WHO, fmi2Boolean on, size_t n, const fmi2String categories[]), fmi2OK)
+FUNCTION(EnterInitializationMode, (WHO), fmi2OK)
+FUNCTION(ExitInitializationMode, (WHO), fmi2OK)
+FUNCTION(Terminate, (WHO), fmi2OK)
+FUNCTION(EnterEventMode, (WHO), fmi2OK)
+FUNCTION(EnterContinuousTimeMode, (WHO), fmi2OK)
+FUNCTION(GetEventIndicators, (WHO, fmi2Real values[], size_t n), fmi2OK)
+FUNCTION(GetFMUstate, (WHO, fmi2FMUstate *state), fmi2Error)
+FUNCTION(SetFMUstate, (WHO, fmi2FMUstate state), fmi2Error)
+FUNCTION(FreeFMUstate, (WHO, fmi2FMUstate *state), fmi2Error)
+FUNCTION(SerializedFMUstateSize, (WHO, fmi2FMUstate state, size_t *size), fmi2Error)
+FUNCTION(SerializeFMUstate, (WHO, fmi2FMUstate state, fmi2Byte bytes[], size_t size), fmi2Error)
+FUNCTION(DeSerializeFMUstate, (WHO, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state), fmi2Error)
+FUNCTION(GetDirectionalDerivative,
+         (WHO, REFERENCES, const fmi2ValueReference known[], size_t m, const fmi2Real seed[], fmi2Real values[]),
+         fmi2Error)
+FUNCTION(SetRealInputDerivatives, (WHO, REFERENCES, const fmi2Integer orders[], const fmi2Real values[]), fmi2Error)
+FUNCTION(GetRealOutputDerivatives, (WHO, REFERENCES, const fmi2Integer orders[], fmi2Real values[]), fmi2Error)
+FUNCTION(CancelStep, (WHO), fmi2Error)
+FUNCTION(GetStatus, (KIND, fmi2Status *value), fmi2Discard)
+FUNCTION(GetIntegerStatus, (KIND, fmi2Integer *value), fmi2Discard)
+FUNCTION(GetStringStatus, (KIND, fmi2String *value), fmi2Discard)

@@ -14,8 +14,9 @@ from friction_fmus.errors import BuildError
 from friction_fmus.export.axis_fit import AxisFit
 from friction_fmus.export.axis_loop import Array
 from friction_fmus.export.identified_axis import IdentifiedAxis
+from friction_fmus.export.targets import write_file
 from friction_fmus.listings import shown
-from harness.storage.files import atomic_path, make_folder
+from harness.storage.files import atomic_path
 from harness.units import in_unit
 
 COMPUTED: Final = "Computed and simulated, not tried on the device. Begin with a low torque limit and a low speed."
@@ -81,10 +82,8 @@ def write_sheet(
 
     `force`, of shape (n,) [N], is what the device adds to the servo along the reference; `notes` are sentences.
     """
-    make_folder(folder)
     page, table = folder / f"{name}.md", folder / f"{name}.csv"
-    with atomic_path(page) as temporary:
-        temporary.write_text("\n".join(_page(fit, device, rows, force, notes)) + "\n", encoding="utf-8", newline="\n")
+    write_file("\n".join(_page(fit, device, rows, force, notes)) + "\n", page)
     with atomic_path(table) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file).writerows([Row._fields, *([*row[:4], " ".join(row.source)] for row in rows)])
     return [page, table]

@@ -12,7 +12,7 @@ from friction_fmus.fmi.html_page import STYLE, row, table
 from friction_fmus.reference.case import ReferenceCase
 from friction_fmus.reference.tool_runs import FAILED, INACCURATE, PASSED, UNSUPPORTED, Verdict
 
-COLOURS: Final = {PASSED: "#d9f2d9", INACCURATE: "#fff0c2", FAILED: "#f9d5d5", UNSUPPORTED: "#eeeeee"}
+COLOURS: Final = ".passed { background: #dfd }\n.inaccurate { background: #ffc }\n.failed { background: #fdd }\n"
 JUNIT: Final = "junit.xml"
 
 
@@ -43,11 +43,10 @@ def write_page(cases: Sequence[ReferenceCase], folder: Path) -> Path:
     tools = read_junit(folder)
     rows = [row(case.name, case.title, *(found.get(case.name, "") for found in tools.values())) for case in cases]
     body = table("Cases and tools", ("case", "title", *tools), "".join(rows))
-    body = re.sub(f"<td>({'|'.join(COLOURS)}): ", r'<td class="\1"><b>\1</b><br>', body)
+    body = re.sub(f"<td>({PASSED}|{INACCURATE}|{FAILED}|{UNSUPPORTED}): ", r'<td class="\1"><b>\1</b><br>', body)
     body = re.sub(r'<th scope="row">(\w+)', r'<th scope="row"><a href="../\1/README.md">\1</a>', body)
-    style = STYLE + "".join(f".{state.split()[0]} {{ background: {colour}; }}\n" for state, colour in COLOURS.items())
     title, path = "Reference set for tools that import FMUs", folder / "results" / "index.html"
-    head = f'<head>\n<meta charset="utf-8">\n<title>{title}</title>\n<style>{style}</style>\n</head>'
+    head = f'<head>\n<meta charset="utf-8">\n<title>{title}</title>\n<style>{STYLE}{COLOURS}</style>\n</head>'
     page = f'<!DOCTYPE html>\n<html lang="en">\n{head}\n<body>\n<h1>{title}</h1>\n{body}</body>\n</html>\n'
-    write_file(page.encode(), path)
+    write_file(page, path)
     return path

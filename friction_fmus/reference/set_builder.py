@@ -15,6 +15,7 @@ from friction_fmus.blocks.catalogue import licence_text, source_folder
 from friction_fmus.export.block_fmu import build
 from friction_fmus.export.targets import write_file
 from friction_fmus.reference.case import BOUND, INPUTS, REFERENCE, CaseFmu, ReferenceCase
+from friction_fmus.version import build_time
 from harness import Experiment, FmuPart, System
 from harness.compiling.platforms import compiled, select
 from harness.ssp.package import write_package
@@ -59,12 +60,12 @@ def _fmu(case: ReferenceCase, name: str, fmu: CaseFmu, scratch: Path, platforms:
     if fmu.block.endswith(".toml"):
         with System.from_toml(case.folder / fmu.block, open_inputs=True) as system:
             system.to_fmu(path, name=name, **given)
-        members = _members(path)
-    elif (source_folder() / "reference" / f"{fmu.block}.c").is_file():
-        members = _special(fmu.block, platforms)
+    elif (file := source_folder() / "reference" / f"{fmu.block}.c").is_file():
+        path.write_bytes(_special(file, platforms))
     else:
         build(fmu.block, scratch, fmu.start, name, **given)
-        members = _members(path)
+    with ZipFile(path) as archive:
+        members = {each: archive.read(each) for each in archive.namelist()}
     for old, new in fmu.replaced.items():
         members["modelDescription.xml"] = members["modelDescription.xml"].replace(old.encode(), new.encode())
     root = etree.fromstring(members["modelDescription.xml"])
@@ -75,34 +76,23 @@ def _fmu(case: ReferenceCase, name: str, fmu: CaseFmu, scratch: Path, platforms:
         etree.strip_attributes(root, "reinit")
     members["modelDescription.xml"] = etree.tostring(root, xml_declaration=True, encoding="UTF-8")
     if case.kind != "ssp":
-        members[f"{RELATED}/fmi-ls-manifest.xml"] = _filled("fmi-ls-manifest", case)
+        members[f"{RELATED}/fmi-ls-manifest.xml"] = _filled("fmi-ls-manifest", case).encode()
         files = ("case.toml", REFERENCE, BOUND, *([INPUTS] if case.inputs else ()))
         members |= {f"{RELATED}/{file}": (case.folder / file).read_bytes() for file in files}
     path.write_bytes(zipped(members, str(root.get("generationDateAndTime"))))
     return path
 
 
-def _members(path: Path) -> dict[str, bytes]:
-    with ZipFile(path) as archive:
-        return {name: archive.read(name) for name in archive.namelist()}
-
-
-def _special(name: str, platforms: Sequence[str]) -> dict[str, bytes]:
-    """Return the files of an FMU that is no block."""
-    file = source_folder() / "reference" / f"{name}.c"
+def _special(file: Path, platforms: Sequence[str]) -> bytes:
+    """Return an FMU that is no block, of a C file with its modelDescription.xml beside it."""
     source = file.read_text(encoding="utf-8")
-    places = {f"binaries/{each.folder}/{name}{each.suffix}": each for each in select(tuple(platforms))}
-    members = {place: compiled(platform, {file.name: source}, name) for place, platform in places.items()}
-    return {
-        "modelDescription.xml": file.with_suffix(".xml").read_bytes(),
-        f"sources/{file.name}": source.encode(),
-        "documentation/licenses/license.txt": licence_text().encode(),
-        **members,
-    }
+    places = {f"binaries/{each.folder}/{file.stem}{each.suffix}": each for each in select(tuple(platforms))}
+    members = {place: compiled(platform, {file.name: source}, file.stem) for place, platform in places.items()}
+    members |= {f"sources/{file.name}": source.encode(), "documentation/licenses/license.txt": licence_text().encode()}
+    return zipped({**members, "modelDescription.xml": file.with_suffix(".xml").read_bytes()}, build_time())
 
 
-def _filled(template: str, case: ReferenceCase) -> bytes:
+def _filled(template: str, case: ReferenceCase) -> str:
     """Return a text of this package, filled for a case."""
     text = (Path(__file__).parent / f"{template}.template").read_text(encoding="utf-8")
-    filled = Template(text, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
-    return str(filled.render(case=case)).encode()
+    return str(Template(text, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True).render(case=case))

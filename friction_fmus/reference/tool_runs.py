@@ -20,10 +20,7 @@ from friction_fmus.errors import FrictionError
 from friction_fmus.reference.case import BOUND, INPUTS, REFERENCE, ReferenceCase
 from harness.storage.files import read_csv, reason
 
-TOOLS: Final = {
-    name: f"{{python}} -m friction_fmus.reference.tools {name} {{case}} {{output}}" for name in ("fmpy", "harness")
-}
-"""Command lines of the tools that are installed with this package."""
+TOOLS: Final = ("fmpy", "harness")  # tools that are installed with this package, see tools.py
 
 SKIPPED: Final = 77  # exit status of a tool that does not support a case
 
@@ -47,16 +44,14 @@ def run_case(
     command: str,
     folder: Path,
     *,
-    results: Path | None = None,
-    lacks: Collection[str] = (),
-    time_limit: float | None = None,
+    results: Path | None = None,  # folder of results that need no run
+    lacks: Collection[str] = (),  # needs of cases that the tool does not meet
+    time_limit: float | None = None,  # in place of that of the case [s]
 ) -> Verdict:
-    """Run a case by a command line, with its results in a folder, and compare them; see docs/reference-set.md.
-
-    ``results`` is a folder with results that need no run, ``lacks`` the needs of cases that the tool does not meet, and
-    ``time_limit`` replaces that of the case.
-    """
+    """Run a case by a tool or command line, with its results in a folder, or compare results that are there."""
     begin = monotonic()
+    if command in TOOLS:
+        command = f"{{python}} -m friction_fmus.reference.tools {command} {{case}} {{output}}"
     output = ((results or folder) / f"{case.name}.csv").resolve()
     unmet = {*lacks}
     if results is None and "{case}" not in command:  # it cannot tell the tool

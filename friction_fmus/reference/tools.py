@@ -5,18 +5,19 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import fmpy
 import numpy as np
-from fmpy.simulation import apply_start_values as apply
-from fmpy.simulation import instantiate_fmu, settable_in_initialization_mode, settable_in_instantiated
+from fmpy import simulation
 from fmpy.ssp.simulation import simulate_ssp
 
 from friction_fmus.reference.calls import run_calls
 from friction_fmus.reference.case import INPUTS, ReferenceCase, read_case
 from friction_fmus.reference.tool_runs import SKIPPED, read_results
+from harness import FmuPart, Part, SeriesPart, System, save_result
 
 LACKS = {"fmpy": {"strings"}, "harness": {"call", "strings", "partial-last-step", "discrete-inputs", "fmi3-me"}}
 
@@ -27,7 +28,7 @@ class _FmpyInstance:
     def __init__(self, case: ReferenceCase, folder: str, description: Any) -> None:
         self._experiment, self._description = case.experiment, description
         self._variables = {variable.name: variable for variable in description.modelVariables}
-        self.fmu = instantiate_fmu(folder, description, "CoSimulation")
+        self.fmu = simulation.instantiate_fmu(folder, description, "CoSimulation")
         self.reset, self.terminate = self.fmu.reset, self.fmu.terminate
 
     def start(self, values: Mapping[str, Any]) -> None:
@@ -37,9 +38,10 @@ class _FmpyInstance:
         if self._description.fmiVersion == "2.0":
             self.fmu.setupExperiment(**setup)
             setup = {}
-        left = apply(self.fmu, self._description, values, settable_in_instantiated)
+        apply = partial(simulation.apply_start_values, self.fmu, self._description)
+        left = apply(values, simulation.settable_in_instantiated)
         self.fmu.enterInitializationMode(**setup)
-        apply(self.fmu, self._description, left, settable_in_initialization_mode)
+        apply(left, simulation.settable_in_initialization_mode)
         self.fmu.exitInitializationMode()
 
     def set(self, values: Mapping[str, Any]) -> None:
@@ -98,7 +100,6 @@ def run_fmpy(case: ReferenceCase, output: str) -> None:
                 stop_time=times.stop,
                 output_interval=times.step,
                 relative_tolerance=times.tolerance,
-                fmi_type={"cs": "CoSimulation", "me": "ModelExchange"}[case.kind],
                 start_values={
                     name: np.ravel(v).tolist() if isinstance(v, list) else v for name, v in case.start.items()
                 },
@@ -114,36 +115,34 @@ def run_fmpy(case: ReferenceCase, output: str) -> None:
 
 def run_harness(case: ReferenceCase, output: str) -> None:
     """Run a case in the harness and write its results."""
-    from harness import FmuPart, Part, SeriesPart, System, save_result
+    settings: dict[str, Any] = {**vars(case.experiment)}
+    names = {name if case.kind == "ssp" else f"fmu.{name}": name for name in case.outputs}
+    if "algebraic-loops" in case.needs:
+        settings["master"] = "newton"
+    with System.from_ssp(case.file) if case.kind == "ssp" else _alone(case, settings) as system:
+        save_result(system.run(**settings, record=[*names]).rename(names), output)
 
-    settings: dict[str, Any] = vars(case.experiment)
-    if case.kind == "ssp":
-        with System.from_ssp(case.file) as system:
-            save_result(system.run(**settings), output)
-        return
+
+def _alone(case: ReferenceCase, settings: dict[str, Any]) -> System:
+    """Return the FMU with its inputs as a system; in model exchange, take a step that meets their times."""
     fmu = FmuPart("fmu", case.file)
-    ports = {port.name: port for port in fmu.inputs}
     columns = read_results(case.folder / INPUTS) if case.inputs else {"time": []}
-    values = {name: np.array(column, dtype=float) for name, column in columns.items()}
-    times = values.pop("time")
-    last = np.append(np.diff(times) > 0.0, True)  # of the rows with one time; what jumps is constant between its jumps
-    between: Any = "linear" if last.all() else "previous"
-    series = {name: column[last] for name, column in values.items()}
+    times = [float(time) for time in columns.pop("time")]
+    series = {name: [*dict(zip(times, map(float, column), strict=True)).values()] for name, column in columns.items()}
+    between: Any = "linear" if len({*times}) == len(times) else "previous"  # what jumps is constant between its jumps
     parts: list[Part] = [fmu]
     if series:
-        parts.insert(0, SeriesPart("inputs", times[last], series, interpolation=between, beyond="hold"))
-    if case.kind == "me":  # the largest step that meets the times of the inputs
-        meets = [Fraction(str(each)) / Fraction(str(settings["step"])) for each in times - settings["start"]]
-        settings = {**settings, "step": settings["step"] / math.lcm(*(each.denominator for each in meets))}
-    start = {name: port.start for name, port in ports.items() if name not in values and port.start is not None}
+        parts.append(SeriesPart("inputs", sorted({*times}), series, interpolation=between, beyond="hold"))
+    if case.kind == "me":
+        meets = [Fraction(str(time - settings["start"])) / Fraction(str(settings["step"])) for time in times]
+        settings["step"] /= math.lcm(*(each.denominator for each in meets))
+    start = {port.name: port.start for port in fmu.inputs if port.name not in series and port.start is not None}
     for name, value in case.start.items():
         elements = np.ndenumerate(value) if isinstance(value, list) else ()
         many = {f"{name}[{','.join(str(i + 1) for i in place)}]": each.item() for place, each in elements}
         start |= many or {name: value}
-    wires = [f"inputs.{name} -> fmu.{name}" for name in values]
-    with System(parts, wires, start={f"fmu.{name}": value for name, value in start.items()}) as system:
-        names = {f"fmu.{name}": name for name in case.outputs}
-        save_result(system.run(**settings, record=[*names]).rename(names), output)
+    wires = [f"inputs.{name} -> fmu.{name}" for name in series]
+    return System(parts, wires, start={f"fmu.{name}": value for name, value in start.items()})
 
 
 def main(tool: str, folder: str, output: str) -> int:

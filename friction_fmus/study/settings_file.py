@@ -8,6 +8,7 @@ from typing import Final
 
 from friction_fmus.axis.servo import GAIN_UNITS, GAINS, Servo
 from friction_fmus.blocks.axis_units import SLIDING
+from friction_fmus.export.targets import write_file
 from friction_fmus.identification import Measurement
 from friction_fmus.identification.data.column_headings import columns_text, quoted
 from friction_fmus.identification.data.formats import read_table
@@ -17,7 +18,6 @@ from friction_fmus.identification.data.tables import DataTable
 from friction_fmus.study.config import BEST_KNOWN_MODELS, OPTIONAL_GAINS, StudyConfig
 from friction_fmus.study.data import Data
 from friction_fmus.study.study_result import WrittenFile
-from harness.storage.files import atomic_path
 
 SETTINGS_FILE: Final = "study.toml"
 
@@ -37,8 +37,7 @@ def write_settings(folder: Path, table: DataTable, known: Known) -> Path:
     """Write the settings of a study, complete as far as they are known, with comments on the rest."""
     path = folder / SETTINGS_FILE
     more = [] if known.measurement is None else [_relative(file, folder) for file in known.measurement.mapping.more]
-    with atomic_path(path) as temporary:
-        temporary.write_text(settings_text(table, known, _relative(table.file, folder), more), encoding="utf-8")
+    write_file(settings_text(table, known, _relative(table.file, folder), more), path)
     return path
 
 

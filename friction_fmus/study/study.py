@@ -18,6 +18,7 @@ from friction_fmus.axis.servo import FlexibleLoad, Trajectory
 from friction_fmus.axis.servo_loop import from_rest
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.errors import FrictionError
+from friction_fmus.export.targets import write_file
 from friction_fmus.identification import Array, identifiable
 from friction_fmus.identification.data.record import Record, RecordFinding
 from friction_fmus.identification.fit.contact_model import contact_model
@@ -83,7 +84,6 @@ from harness import Progress
 from harness.compiling import toolchain
 from harness.extras import require
 from harness.processors import available
-from harness.storage.files import atomic_path
 
 STAGES: Final = {
     0.02: "identifying friction models",
@@ -232,8 +232,7 @@ def run_study(
     from friction_fmus.report import write_report
 
     write_report(result, folder / "report.html", panel)
-    with atomic_path(folder / "study.json") as temporary:
-        temporary.write_text(result.to_json(), encoding="utf-8")
+    write_file(result.to_json(), folder / "study.json")
     reporter(1.0)
     return result
 

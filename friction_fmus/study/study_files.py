@@ -27,7 +27,7 @@ from friction_fmus.errors import BuildError
 from friction_fmus.export.axis_loop import AxisLoop
 from friction_fmus.export.block_fmu import build
 from friction_fmus.export.identified_axis import IdentifiedAxis, in_folder
-from friction_fmus.export.targets import generic
+from friction_fmus.export.targets import generic, write_file
 from friction_fmus.identification import Record
 from friction_fmus.identification.result_files import identified_axis
 from friction_fmus.lawkit.law import Kind
@@ -38,7 +38,7 @@ from friction_fmus.study.model_ranking import IdentifiedModel
 from friction_fmus.study.recommendation import AS_MEASURED
 from friction_fmus.study.study_result import WrittenFile
 from harness import ExperimentError, FmuPart, Parameter, ParameterSet, System, Wire, open_archive, write_ssv
-from harness.storage.files import atomic_path, make_folder
+from harness.storage.files import make_folder
 from harness.system.wire import parse_wire, split_name
 
 REFERENCE: Final = "reference.r"
@@ -294,17 +294,15 @@ def export_recommended(
         if recommends and not missing:
             loop = recommended_loop(whole, scheme.servo, laws, chosen, trajectory, folder / LOOP_FILE)
             written += _controller(out, loop, f"Recommended loop of {name}")
-        with atomic_path(folder / "README.md") as temporary:
-            text = wiring(whole, scheme.servo, figures, missing, u) if recommends else NOTHING
-            temporary.write_text(text, encoding="utf-8", newline="\n")
+        text = wiring(whole, scheme.servo, figures, missing, u) if recommends else NOTHING
+        write_file(text, folder / "README.md")
         written.append(WrittenFile(f"{OWN}/README.md", "Connections of the compensator, as co-simulated"))
     return tuple(written)
 
 
 def _controller(out: Path, loop: LoopFile, heading: str) -> list[WrittenFile]:
     """Write the file of a loop and its C code."""
-    with atomic_path(loop.path) as temporary:
-        temporary.write_text(loop_text(loop, heading), encoding="utf-8", newline="\n")
+    write_file(loop_text(loop, heading), loop.path)
     files = export_law(loop.path, loop.path.parent / "c")
     text = "Servo and compensation as one C function, with unit test and cost"
     return [

@@ -21,7 +21,8 @@ typedef struct {
     int64_t *ticks; /* of each copy: the next one */
     int64_t steps;
     const double *inputs; /* a row for each copy */
-    int64_t input_count, first_input;
+    const int64_t *targets; /* signals of its columns */
+    int64_t input_count;
     double *outputs; /* a row for each copy */
     const int64_t *columns;
     int64_t output_count;
@@ -50,7 +51,7 @@ static inline bool take_inputs(Engine *e, const Batch *b, int64_t number)
     for (int64_t i = 0; i < b->input_count; i++) {
         if (!isfinite(values[i]))
             return failed(e, i, SET, NOT_A_NUMBER, time_of(e, b->ticks[number]));
-        e->signals[b->first_input + i] = values[i];
+        e->signals[b->targets[i]] = values[i];
     }
     return true;
 }

@@ -488,8 +488,13 @@ class System:
         """
         from harness.batch import Batch
 
-        given = {"step": step, "master": master, "stop": None if self.experiment or not step else 1000.0 * step}
-        experiment = replace(self._experiment(given), manipulators=())
+        if self.experiment is None and step is None:
+            step = min(self._suggested_steps(), default=None)
+        begin = self.experiment.start if self.experiment else 0.0
+        stop = begin + 1000.0 * step if isinstance(step, int | float) else None  # it ends nothing
+        experiment = self._experiment({"step": step, "master": master, "stop": stop})
+        if experiment.manipulators:
+            raise ExperimentError(f"a batch has no manipulators, but the experiment of '{self.name}' has: remove them")
         return Batch(self, n, inputs, outputs, start or {}, threads, experiment)
 
     def _experiment(self, given: Mapping[str, Any]) -> Experiment:

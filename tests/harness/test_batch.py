@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from harness import Batch, CallablePart, FmuPart, HarnessError, Part, SeriesPart, System
 from harness.errors import ExperimentError, StartValueError, UnknownNameError
+from harness.system.wire import Noise
 
 BuildFmu = Callable[..., Path]
 STEP = 1e-4
@@ -121,6 +123,8 @@ def test_a_step_that_fails_is_not_taken(servo: Callable[..., System], master: st
         (lambda b: b.step(np.zeros((39, 1))), ExperimentError, r"shape \(39, 1\): give \(40, 1\)"),
         (lambda b: b.step(np.zeros(40)), ExperimentError, r"shape \(40,\)"),
         (lambda b: b.step([["a"]] * 40), ExperimentError, "not numbers"),
+        (lambda b: b.step(ACTIONS[0] * 1j), ExperimentError, "not numbers"),
+        (lambda b: b.reset([1], start={"mass.m": [[1], [1, 2]]}), StartValueError, "mass.m are no array"),
         (lambda b: b.step(ACTIONS[0], 0), ExperimentError, "0 steps"),
         (lambda b: b.reset([40]), ExperimentError, "no copy 40: give indices from 0 to 39"),
         (lambda b: b.reset([-1]), ExperimentError, "no copy -1"),
@@ -143,6 +147,48 @@ def test_a_wrong_argument_is_refused_and_changes_nothing(
     batch.reset([1])
     batch.step(ACTIONS[0], HELD)
     np.testing.assert_array_equal(batch.values[1], before[0][1])
+
+
+def test_inputs_have_the_order_and_the_start_values_that_were_given(servo: Callable[..., System]) -> None:
+    starts = np.array([0.0, 1e-3, 2e-3])
+    with servo() as system, system.batch(3, inputs=["pid.enable", "pid.r"], outputs=["pid.u"]) as flag_first:
+        flag_first.step(np.column_stack([np.ones(3), starts]), 10)
+        with system.batch(3, inputs=["pid.r"], outputs=["pid.u"], start={"pid.r": starts}) as batch:
+            kp = 12000.0  # of PID.c
+            np.testing.assert_allclose(batch.values[:, 0], kp * starts, rtol=1e-12)
+            batch.reset()
+            batch.step(starts[:, None], 10)
+            np.testing.assert_array_equal(batch.values, flag_first.values)
+
+
+def test_a_batch_without_inputs_names_the_copy_that_fails(servo: Callable[..., System]) -> None:
+    loads = np.array([0.0, 1.7e308])
+    with servo() as system, system.batch(2, start={"mass.F_load": loads}) as batch:
+        batch.step(steps=10)
+        assert list(batch.failures) == [1]
+        assert batch.time.tolist() == [10 * STEP, 0.0]
+
+
+def test_start_values_keep_their_fractions_after_integers(servo: Callable[..., System]) -> None:
+    with servo() as system, system.batch(2, outputs=["mass.m"], start={"mass.m": [1, 2]}) as batch:
+        assert batch.reset([0], start={"mass.m": [1.5]}).tolist() == [[1.5], [2.0]]
+
+
+def test_a_closed_batch_is_not_stepped(batch: Batch) -> None:
+    batch.close()
+    for call in (lambda: batch.step(ACTIONS[0]), batch.reset):
+        with pytest.raises(HarnessError, match=r"closed: make another one with System\.batch"):
+            call()
+
+
+def test_a_batch_has_no_end_and_no_manipulators(servo: Callable[..., System]) -> None:
+    with servo() as system:
+        with system.batch(1, outputs=["mass.x"], step=7e-4) as batch:  # which does not divide the run of 0.03 s
+            batch.step(steps=1001)
+            assert not batch.failures
+        system.experiment = replace(system.experiment, manipulators=(Noise("pid.x", sigma=1e-6, seed=1),))
+        with pytest.raises(ExperimentError, match="has no manipulators"):
+            system.batch(1)
 
 
 def test_what_cannot_be_in_a_batch_is_named(servo: Callable[..., System], make_fmu: Callable[..., Path]) -> None:

@@ -447,6 +447,23 @@ def me_event_iteration() -> list[Row]:
     return rows(grid(1, Q(1, 4)), lambda t: {"y": t + (3 if t > Q(3, 10) else 0)}, 2 * SOLVER)
 
 
+@case("me_step_event")
+def me_step_event() -> list[Row]:
+    """y = t, and 3 more from 0.3 s or a later step on, at the latest from 0.5 s on."""
+    found: list[Row] = []
+    for t in grid(1, Q(1, 4)):
+        jumps = [0] if t < Q(3, 10) else [0, 3] if t == Q(1, 2) else [3]
+        found += [(t, {"y": (t + jump, 2 * SOLVER)}) for jump in jumps]
+    return found
+
+
+@case("me_discrete_input")
+def me_discrete_input() -> list[Row]:
+    """The slope is 1, -1 and 1."""
+    first, second = Q(3, 10), Q(8, 10)
+    return rows(grid(1, Q(1, 4)), lambda t: {"y": t - 2 * max(min(t, second) - first, Q(0))}, 2 * SOLVER)
+
+
 @case("me_early_end")
 def me_early_end() -> list[Row]:
     return [*rows(grid(Q(1, 2), Q(1, 4)), lambda t: {"y": t}, SOLVER), (Q(6, 10), {"y": BLANK})]

@@ -29,10 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Build or run the set."""
-    return _build(options) if options.action == "build" else _run(options)
-
-
-def _build(options: argparse.Namespace) -> int:
+    if options.action == "run":
+        return _run(options)
     from friction_fmus.cli.console import progress_bar
     from friction_fmus.reference.case import CASES, read_cases
     from friction_fmus.reference.set_builder import build_case
@@ -49,20 +47,19 @@ def _run(options: argparse.Namespace) -> int:
     from friction_fmus.cli.console import progress_bar
     from friction_fmus.reference.case import read_cases
     from friction_fmus.reference.scoreboard import write_junit, write_page
-    from friction_fmus.reference.tool_runs import FAILED, INACCURATE, TOOLS, run_case
+    from friction_fmus.reference.tool_runs import FAILED, INACCURATE, run_case
     from harness.storage.files import make_folder
 
     if not options.folder or options.output or bool(options.tool) == bool(options.results):
         raise FrictionError("give `reference run` the folder of a set, and either --tool or --results")
     name = Path(options.name or (options.tool.split()[0] if options.tool else options.results)).name
-    command = TOOLS.get(options.tool, options.tool) or ""
     given = {"results": options.results, "lacks": options.lacks, "time_limit": options.timeout}
     folder = options.folder / "results" / name
     make_folder(folder)
     verdicts = []
     with progress_bar() as bar:
         for case in bar.track(read_cases(options.folder, options.case), description=name):
-            verdicts.append(verdict := run_case(case, command, folder, **given))
+            verdicts.append(verdict := run_case(case, options.tool or "", folder, **given))
             bar.console.print(f"{case.name}: {verdict.state} ({verdict.detail})", soft_wrap=True)
     write_junit(verdicts, name, folder)
     print(write_page(read_cases(options.folder), options.folder))

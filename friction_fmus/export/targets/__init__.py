@@ -76,11 +76,11 @@ class SourceFmu:
         return found
 
 
-def write_file(content: bytes, path: Path) -> None:
-    """Write a file completely or not at all, and create its folder if needed."""
+def write_file(content: bytes | str, path: Path) -> None:
+    """Write a file completely or not at all, text with line ends ``\\n``, and create its folder if needed."""
     make_folder(path.parent)
     with atomic_path(path) as temporary:
-        temporary.write_bytes(content)
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 @dataclass(frozen=True)

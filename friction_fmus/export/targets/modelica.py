@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from friction_fmus.export.targets import Target
+from friction_fmus.export.targets import Target, write_file
 
 ROTATIONAL = """within FrictionFMUs.Compensators;
 package Rotational "Compensators for torques and angles"
@@ -32,16 +32,12 @@ ORDER = ["Translational", "Rotational", "Compensators", "Examples", "Laws", "Int
 def write(folder: Path) -> Path:
     """Write the library into a folder and return its path."""
     from friction_fmus.blocks.catalogue import PACKAGE
-    from harness.storage.files import atomic_path, make_folder
 
     library, shipped = folder / "FrictionFMUs", PACKAGE / "modelica"  # a checkout has none
     written = {file.relative_to(shipped).as_posix(): file for file in shipped.rglob("*.*")}
     files = {name: file.read_text(encoding="utf-8") for name, file in written.items()} or generated()
-    for part in ("Laws", "Compensators", "Resources/Include"):
-        make_folder(library / part)
     for name, text in files.items():
-        with atomic_path(library / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_file(text, library / name)
     return library
 
 
