@@ -20,7 +20,7 @@ typedef struct {
     int64_t size;
     int64_t *ticks; /* of each copy: the next one */
     int64_t steps;
-    const double *inputs; /* a row for each copy */
+    const double *inputs;   /* a row for each copy */
     const int64_t *targets; /* signals of its columns */
     int64_t input_count;
     double *outputs; /* a row for each copy */
