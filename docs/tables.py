@@ -30,6 +30,7 @@ from friction_fmus.cli.main import parser
 from friction_fmus.export.block_fmu import describe_block
 from friction_fmus.fmi.model_description import CAPABILITIES, ROLE
 from friction_fmus.identification.data.formats import modules as data_formats
+from friction_fmus.reference.case import CASES, read_cases
 from harness.masters import master_names
 
 DOCS = Path(__file__).parent
@@ -352,8 +353,19 @@ def commands() -> str:
     return table(("command", "what it does"), [(f"`{each.dest}`", str(each.help)) for each in group._choices_actions])
 
 
+def cases() -> str:
+    """Return the cases of the reference set."""
+    kinds = {"cs": "co-simulation", "me": "model exchange", "ssp": "SSP"}
+    rows = []
+    for case in read_cases(CASES):
+        kind = "calls" if case.call else kinds[case.kind]
+        title = re.sub(r"^(Model exchange|FMI 3\.0|SSP|FMI 3\.0 model exchange): ", "", case.title)
+        rows.append((f"`{case.name}`", title[:1].upper() + title[1:], f"FMI {case.fmi}, {kind}"))
+    return table(("case", "what is tested", "interface"), rows)
+
+
 _OF_BLOCKS = (motions, reasons, questions, situations, compensators, capabilities, exchange, kinds, roles, models)
-TABLES = {f.__name__: f for f in (*_OF_BLOCKS, masters, formats, commands)}
+TABLES = {f.__name__: f for f in (*_OF_BLOCKS, masters, formats, commands, cases)}
 
 
 def filled(text: str) -> str:

@@ -174,8 +174,8 @@ def last_step() -> list[Row]:
     return rows(grid(Q(17, 16), Q(1, 4)), lambda t: {"x": t * t, "v": 2 * t}, rounding(5, 3))
 
 
-@case("long_steps_of_samples")
-def long_steps_of_samples() -> list[Row]:
+@case("samples_on_steps")
+def samples_on_steps() -> list[Row]:
     """The sample k has the integral k Ts; the last one before n Ts is n - 1."""
     return [(Q(n, 10), {"u": (Q(max(n - 1, 0), 10), rounding(n, Q(n + 1, 640)))}) for n in range(101)]
 
