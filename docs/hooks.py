@@ -105,7 +105,8 @@ def rules_page() -> str:
     """Return the rules of `check` as tables."""
     titles = {
         "archive": "The archive",
-        "description": "modelDescription.xml",
+        "description": "modelDescription.xml of FMI 2.0",
+        "both": "modelDescription.xml of both versions",
         "binary": "The binary",
         "fmi3": "FMI 3.0",
         "ssp": "SSP",

@@ -51,6 +51,7 @@ static Instance *updated(fmi2Component component)
 }
 
 static int due(const Instance *c) { return c->iterations > 0 && c->time >= c->real[EVENT_TIME] - 1e-12; }
+static int unannounced(const Instance *c) { return due(c) && !c->boolean[ANNOUNCED]; }
 
 fmi2Status fmi2NewDiscreteStates(fmi2Component component, fmi2EventInfo *info)
 {
@@ -134,7 +135,7 @@ FUNCTION(GetDerivatives, (WHO, fmi2Real values[], size_t n), (values[0] = update
 FUNCTION(GetRealStatus, (KIND, fmi2Real *value), (*value = THIS->time, fmi2OK))
 FUNCTION(GetBooleanStatus, (KIND, fmi2Boolean *value), (*value = THIS->time >= THIS->real[END] - 1e-12, fmi2OK))
 FUNCTION(GetNominalsOfContinuousStates, (WHO, fmi2Real values[], size_t n), (values[0] = 1.0, fmi2OK))
-FUNCTION(CompletedIntegratorStep, (WHO, int a, int *event, int *end), (*end = 0, *event = due(THIS), fmi2OK))
+FUNCTION(CompletedIntegratorStep, (WHO, int a, int *event, int *end), (*end = 0, *event = unannounced(THIS), fmi2OK))
 FUNCTION(SetDebugLogging, (WHO, fmi2Boolean on, size_t n, const fmi2String categories[]), fmi2OK)
 FUNCTION(EnterInitializationMode, (WHO), fmi2OK)
 FUNCTION(ExitInitializationMode, (WHO), fmi2OK)

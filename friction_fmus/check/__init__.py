@@ -15,6 +15,7 @@ from friction_fmus.check.archive_rules import (
     DAMAGED,
     Contents,
     examine_archive,
+    misplaced_libraries,
     open_contents,
     read_member,
     truncated_libraries,
@@ -116,13 +117,16 @@ def _examine_contents(path: Path, contents: Contents, static: bool, time_limit: 
     if isinstance(model, Model) and (refusals := list(_refusals(model))):
         return refusals
     sources = model.source_files if isinstance(model, Model) else None
-    contents = replace(contents, identifier=model.identifier, source_files=sources, version=3 if three else 2)
+    version = 3 if three else 2
+    contents = replace(contents, identifiers=model.identifiers, source_files=sources, version=version)
     findings = [each for each in examine_archive(contents) if not (three and each.rule in _ONLY_FMI_2)]
     findings += wrong_encoding(data, root)
     violated, schema = (SCHEMA_3, _XSD_3) if three else (SCHEMA, _XSD)
     findings += [violated.finding(text, DESCRIPTION, line=line) for text, line in violations(root, schema)]
+    common = list(apply("both", model))
     if not (three and _errors(findings)):
         findings += apply("fmi3" if three else "description", model)
+    findings += common
     if not any(finding.rule.startswith(_DANGEROUS) for finding in findings):
         findings += examine_side_files(contents, model)
         if not _errors(findings):
@@ -156,9 +160,10 @@ def _errors(findings: list[Finding]) -> bool:
 
 def _libraries(contents: Contents, model: Model | Model3, static: bool, time_limit: float) -> list[Finding]:
     truncated = list(truncated_libraries(contents))
+    misplaced = list(misplaced_libraries(contents))
     if static or truncated or not contents.below("binaries"):
-        return truncated
-    return examine_binary(contents, model, time_limit)
+        return truncated + misplaced
+    return misplaced + examine_binary(contents, model, time_limit)
 
 
 _XSD = "fmi2/fmi2ModelDescription.xsd"

@@ -36,12 +36,18 @@ _TUPLES = {
 }
 _OTHER = {2: {new: old for old, new in _TUPLES.items()}, 3: _TUPLES}
 """Platforms of the other version of FMI, and their names in this version."""
+_FORMATS: dict[str, tuple[bytes, int, dict[str, int]]] = {
+    "linux": (b"\x7fELF", 18, {"x86": 3, "x86_64": 62, "aarch32": 40, "aarch64": 183}),
+    "windows": (b"MZ", 0, {"x86": 0x14C, "x86_64": 0x8664, "aarch64": 0xAA64}),
+}
+"""First bytes of libraries of a system, and place and number of the machine in ELF and PE files (that of PE varies)."""
 _ARCHITECTURES = ("aarch32", "aarch64", "riscv32", "riscv64", "x86", "x86_64", "ppc32", "ppc64")
 _SYSTEMS = ("darwin", "linux", "windows")
 _TOP = ("binaries", "documentation", "extra", "resources", "sources", "terminalsAndIcons")
 _HEADERS = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
 
 NOT_A_ZIP = declare("not-a-zip", "error", "2.3", "The file is not a readable zip archive.", "archive")
+FORMAT = declare("binary-format", "error", "2.3", "A library is in another format than its platform has.", "archive")
 TRUNCATED = declare("binary-truncated", "error", "2.3", "The file of a library is truncated.", "archive")
 
 _UNREADABLE = ("zip-bomb", "zip-encrypted", "zip-method")  # rules whose violation prevents unpacking
@@ -54,7 +60,7 @@ class Contents:
     """The members of an FMU."""
 
     archive: zipfile.ZipFile  # the FMU, which is open during the check
-    identifier: str = ""  # model identifier for co-simulation; empty if unknown
+    identifiers: tuple[str, ...] = ()  # model identifiers of the interfaces; none if unknown
     source_files: tuple[str, ...] | None = None  # source files declared in the XML; None if unknown
     version: int = 2  # version of FMI
 
@@ -247,9 +253,10 @@ def _platform(contents: Contents) -> Iterator[Fault]:
 def _misnamed(contents: Contents) -> Iterator[Fault]:
     for folder in sorted({path.parts[1] for path in contents.below("binaries") if len(path.parts) > 2}):
         system = folder.partition("-")[2] or folder.rstrip("0123456789")
-        needed = f"binaries/{folder}/{contents.identifier}{_SUFFIXES.get(system, '')}"
-        if contents.identifier and system in _SUFFIXES and needed not in contents.names:
-            yield Fault(f"{needed} is missing; name the library after modelIdentifier", file=f"binaries/{folder}")
+        for identifier in contents.identifiers:
+            needed = f"binaries/{folder}/{identifier}{_SUFFIXES.get(system, '')}"
+            if system in _SUFFIXES and needed not in contents.names:
+                yield Fault(f"{needed} is missing; name the library after modelIdentifier", file=f"binaries/{folder}")
 
 
 @rule("source-missing", "error", "2.2.1", "A file listed in SourceFiles is missing in the folder sources.", "archive")
@@ -315,3 +322,21 @@ def truncated_libraries(contents: Contents) -> Iterator[Finding]:
             yield TRUNCATED.finding(
                 f"{name} is truncated: {missing} bytes are missing at the end; copy or export the FMU again", name
             )
+
+
+def misplaced_libraries(contents: Contents) -> Iterator[Finding]:
+    """Yield a finding for each library in a safe archive that is none of its platform."""
+    for path in contents.below("binaries"):
+        folder = _OTHER[2].get(path.parts[1], path.parts[1])
+        architecture, _, system = _TUPLES.get(folder, folder).partition("-")
+        if system not in _FORMATS or path.suffix != _SUFFIXES[system] or len(path.parts) != 3:
+            continue
+        magic, place, machines = _FORMATS[system]
+        with contents.archive.open(str(path)) as file:
+            head = file.read(1024)
+        if system == "windows":
+            place = int.from_bytes(head[60:64], "little") + 4
+        machine = machines.get(architecture)
+        right = machine is None or head[place : place + 2] == machine.to_bytes(2, "little")
+        if len(head) >= 64 and not (head.startswith(magic) and right):
+            yield FORMAT.finding(f"{path} is no library for {folder}; compile it for this platform", str(path))

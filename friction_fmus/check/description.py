@@ -150,6 +150,23 @@ class DescribedModel:
         """Model identifier of the first interface."""
         return self.interfaces[0].get("modelIdentifier", "") if self.interfaces else ""
 
+    @property
+    def identifiers(self) -> tuple[str, ...]:
+        """Model identifiers of all interfaces, each once."""
+        return tuple(dict.fromkeys(element.get("modelIdentifier", "") for element in self.interfaces))
+
+    @property
+    def types(self) -> list[tuple[str, etree._Element]]:
+        """Name and element of each declared type."""
+        found = [(e.get("name", ""), e) for e in self.all("TypeDefinitions/*")]
+        return [
+            (name, child) for name, e in found if (child := child_of(e) if e.tag == "SimpleType" else e) is not None
+        ]
+
+    def all(self, path: str) -> list[etree._Element]:
+        """Return elements by their path."""
+        return list(self.root.iterfind(path))
+
     def flag(self, name: str) -> bool:
         """Return whether an interface has a capability flag."""
         return any(element.get(name) in ("true", "1") for element in self.interfaces)
@@ -168,10 +185,6 @@ class Model(DescribedModel):
             typed = child_of(element)
             declared = None if typed is None else types.get(typed.get("declaredType", ""))
             self.variables.append(Variable2(element, typed, declared, index))
-
-    def all(self, path: str) -> list[etree._Element]:
-        """Return elements by their path."""
-        return list(self.root.iterfind(path))
 
     @property
     def source_files(self) -> tuple[str, ...]:

@@ -19,8 +19,9 @@ from friction_fmus.version import VERSION
 Severity = Literal["error", "warning", "note"]
 """Severities: a violation of the standard; a likely problem with importers; advice."""
 
-Kind = Literal["archive", "description", "binary", "fmi3", "ssp"]
-"""Kinds of rules: the part of the FMU that a rule examines; "fmi3" stands for the XML of FMI 3.0, "ssp" for an SSP."""
+Kind = Literal["archive", "both", "description", "binary", "fmi3", "ssp"]
+"""Kinds of rules: the part of the FMU that a rule examines. "description" is modelDescription.xml of FMI 2.0, "fmi3"
+that of FMI 3.0, "both" that of both versions; "ssp" is an SSP."""
 
 DESCRIPTION: Final = "modelDescription.xml"
 

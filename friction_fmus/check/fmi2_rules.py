@@ -3,8 +3,9 @@
 import math
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
+from posixpath import normpath
 from typing import Final
 
 from lxml import etree
@@ -16,7 +17,6 @@ from friction_fmus.check.description import (
     ListedUnknown,
     Model,
     Variable2,
-    child_of,
     initials,
     integer,
     line_of,
@@ -27,12 +27,14 @@ from friction_fmus.check.description import (
     wrong_encoding,
 )
 from friction_fmus.check.findings import Fault, Finding, at, declare, for_each, rule
-from friction_fmus.check.fmi3_rules import Model3
+from friction_fmus.check.fmi3_rules import FLOATS, Model3, Variable3
 from harness.units import BASE_SYMBOLS, BaseUnit, parse_unit
 from harness.values import STRUCTURED
 
 # ---- the head: identity, units, types, log categories
 
+AnyModel = Model | Model3
+REALS: Final = ("Real", *FLOATS)
 _METADATA = ("description", "author", "version", "license", "generationTool", "generationDateAndTime")
 _C_KEYWORDS = re.compile(
     "auto|break|case|char|const|continue|default|do|double|else|enum|extern|float|for|goto|if|inline|int|long|"
@@ -54,30 +56,38 @@ def _repeated(elements: Iterable[etree._Element], what: str) -> Iterator[Fault]:
 # ---- identity
 
 
-@rule("model-identifier", "error", "2.2.1", "The modelIdentifier is not a C identifier.")
-def _identifier(model: Model) -> Iterator[Fault]:
-    for element in (*model.all("CoSimulation"), *model.all("ModelExchange")):
+@rule("model-identifier", "error", "2.2.1", "The modelIdentifier is not a C identifier.", "both")
+def _identifier(model: AnyModel) -> Iterator[Fault]:
+    for element in model.interfaces:
         name = element.get("modelIdentifier", "")
         if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII) or _C_KEYWORDS.fullmatch(name):
             message = f"modelIdentifier {name!r} is not a C identifier; use only letters, digits and _, a letter first"
             yield Fault(message, line_of(element))
 
 
-@rule("guid-empty", "error", "2.2.1", "The guid is empty.")
-def _guid(model: Model) -> Iterator[Fault]:
-    if not model.root.get("guid", "").strip():
-        yield Fault("the guid is empty; give a hash of the file's content", line_of(model.root))
+@rule("guid-empty", "error", "2.2.1", "The guid, or the instantiationToken, is empty.", "both")
+def _guid(model: AnyModel) -> Iterator[Fault]:
+    name = "guid" if isinstance(model, Model) else "instantiationToken"
+    if not model.root.get(name, "").strip():
+        yield Fault(f"the {name} is empty; give a hash of the file's content", line_of(model.root))
 
 
-@rule("metadata-missing", "note", "2.2.1", "Metadata such as author or version are missing.")
-def _metadata(model: Model) -> Iterator[Fault]:
+@rule("generation-date", "warning", "2.2.1", "The time of generation is not in the form of the standard.", "both")
+def _date(model: AnyModel) -> Iterator[Fault]:
+    text = model.root.get("generationDateAndTime")
+    if text is not None and not re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?Z", text, re.ASCII):
+        yield Fault(f"generationDateAndTime is {text!r}; write it as 2026-12-31T23:59:59Z, in UTC", line_of(model.root))
+
+
+@rule("metadata-missing", "note", "2.2.1", "Metadata such as author or version are missing.", "both")
+def _metadata(model: AnyModel) -> Iterator[Fault]:
     missing = [name for name in _METADATA if not model.root.get(name)]
     if missing:
         yield Fault(f"{', '.join(missing)} missing; add the known ones", line_of(model.root))
 
 
-@rule("needs-tool", "note", "4.3.1", "The FMU runs only where the tool that exported it is installed.")
-def _tool(model: Model) -> Iterator[Fault]:
+@rule("needs-tool", "note", "4.3.1", "The FMU runs only where the tool that exported it is installed.", "both")
+def _tool(model: AnyModel) -> Iterator[Fault]:
     if model.flag("needsExecutionTool"):
         yield Fault("needsExecutionTool is true; install the tool to run the FMU", line_of(model.interfaces[0]))
 
@@ -97,8 +107,8 @@ def _source_files(model: Model) -> Iterator[Fault]:
         yield from _repeated(model.all(f"{kind}/SourceFiles/File"), "source file")
 
 
-@rule("duplicate-category", "error", "2.2.4", "Two log categories have the same name.")
-def _categories(model: Model) -> Iterator[Fault]:
+@rule("duplicate-category", "error", "2.2.4", "Two log categories have the same name.", "both")
+def _categories(model: AnyModel) -> Iterator[Fault]:
     yield from _repeated(model.all("LogCategories/Category"), "log category")
 
 
@@ -109,8 +119,8 @@ def _annotations(model: Model) -> Iterator[Fault]:
         yield from _repeated(v.element.iterfind("Annotations/Tool"), "annotation of tool")
 
 
-@rule("experiment", "error", "2.2.5", "The default experiment is invalid.")
-def _experiment(model: Model) -> Iterator[Fault]:
+@rule("experiment", "error", "2.2.5", "The default experiment is invalid.", "both")
+def _experiment(model: AnyModel) -> Iterator[Fault]:
     for element in model.all("DefaultExperiment"):
         start, stop, step, tolerance = (
             real(element.get(name)) for name in ("startTime", "stopTime", "stepSize", "tolerance")
@@ -130,26 +140,25 @@ def _experiment(model: Model) -> Iterator[Fault]:
 # ---- units
 
 
-@rule("duplicate-unit", "error", "2.2.2", "Two units, or two display units of a unit, have the same name.")
-def _units(model: Model) -> Iterator[Fault]:
+@rule("duplicate-unit", "error", "2.2.2", "Two units, or two display units of a unit, have the same name.", "both")
+def _units(model: AnyModel) -> Iterator[Fault]:
     yield from _repeated(model.all("UnitDefinitions/Unit"), "unit")
     for unit in model.all("UnitDefinitions/Unit"):
         yield from _repeated(unit.iterfind("DisplayUnit"), f"display unit of {unit.get('name')}")
 
 
-def _unit_of_elements(model: Model) -> Iterator[tuple[etree._Element, str, str | None, str | None]]:
+def _unit_of_elements(model: AnyModel) -> Iterator[tuple[etree._Element, str, str | None, str | None]]:
     """Yield element, name of its owner, unit and display unit, for variables and types."""
     for v in model.variables:
         if v.typed is not None:
-            yield v.typed, v.name, v.get("unit"), v.typed.get("displayUnit")
-    for simple in model.all("TypeDefinitions/SimpleType"):
-        child = child_of(simple)
-        if child is not None:
-            yield child, simple.get("name", ""), child.get("unit"), child.get("displayUnit")
+            for element in (v.typed, *v.element.iterfind("Alias")):
+                yield element, element.get("name", v.name), v.get("unit"), element.get("displayUnit")
+    for name, element in model.types:
+        yield element, name, element.get("unit"), element.get("displayUnit")
 
 
-@rule("unit-undefined", "error", "2.2.2", "A unit is used but not defined.")
-def _undefined(model: Model) -> Iterator[Fault]:
+@rule("unit-undefined", "error", "2.2.2", "A unit is used but not defined.", "both")
+def _undefined(model: AnyModel) -> Iterator[Fault]:
     defined = {unit.get("name") for unit in model.all("UnitDefinitions/Unit")}
     for element, owner, unit, _ in _unit_of_elements(model):
         if unit is not None and unit not in defined:
@@ -157,8 +166,8 @@ def _undefined(model: Model) -> Iterator[Fault]:
             yield Fault(f"{owner} has the unit {unit!r}, which is not defined; {remedy}", line_of(element), owner)
 
 
-@rule("display-unit-undefined", "error", "2.2.2", "A display unit is not defined for its unit.")
-def _display_undefined(model: Model) -> Iterator[Fault]:
+@rule("display-unit-undefined", "error", "2.2.2", "A display unit is not defined for its unit.", "both")
+def _display_undefined(model: AnyModel) -> Iterator[Fault]:
     shown = {
         unit.get("name"): {display.get("name") for display in unit.iterfind("DisplayUnit")}
         for unit in model.all("UnitDefinitions/Unit")
@@ -176,7 +185,7 @@ def _stated(base: etree._Element) -> BaseUnit | None:
     return BaseUnit(tuple(power or 0 for power in exponents), factor, offset)
 
 
-def _named_and_stated(model: Model) -> Iterator[tuple[etree._Element, str, BaseUnit, BaseUnit]]:
+def _named_and_stated(model: AnyModel) -> Iterator[tuple[etree._Element, str, BaseUnit, BaseUnit]]:
     """Yield element, name, unit according to the name, and stated unit; angles count as dimensionless."""
     for unit in model.all("UnitDefinitions/Unit"):
         base = unit.find("BaseUnit")
@@ -186,15 +195,25 @@ def _named_and_stated(model: Model) -> Iterator[tuple[etree._Element, str, BaseU
             yield base, unit.get("name", ""), meant, stated
 
 
-@rule("unit-exponents", "error", "2.2.2", "The exponents of a BaseUnit disagree with the name of the unit.")
-def _exponents(model: Model) -> Iterator[Fault]:
+@rule("unit-inverse", "error", "2.4.4", "A display unit is inverse and has an offset.", "fmi3")
+def _inverse(model: Model3) -> Iterator[Fault]:
+    for element in model.all("UnitDefinitions/Unit/DisplayUnit[@inverse]"):
+        if element.get("inverse") in ("true", "1") and real(element.get("offset", "0")) != 0.0:
+            message = f"the display unit {element.get('name')!r} is inverse and has an offset; remove one of them"
+            yield Fault(message, line_of(element))
+
+
+@rule("unit-exponents", "error", "2.2.2", "The exponents of a BaseUnit disagree with the name of the unit.", "both")
+def _exponents(model: AnyModel) -> Iterator[Fault]:
     for base, name, meant, stated in _named_and_stated(model):
         if meant.exponents[:-1] != stated.exponents[:-1]:  # rad is dimensionless in many tools
             yield Fault(f"the unit {name!r} means {meant} but has the BaseUnit {stated}; correct it", line_of(base))
 
 
-@rule("unit-factor", "error", "2.2.2", "The factor or offset of a BaseUnit disagrees with the name of the unit.")
-def _factor(model: Model) -> Iterator[Fault]:
+@rule(
+    "unit-factor", "error", "2.2.2", "The factor or offset of a BaseUnit disagrees with the name of the unit.", "both"
+)
+def _factor(model: AnyModel) -> Iterator[Fault]:
     for base, name, meant, stated in _named_and_stated(model):
         agrees = math.isclose(meant.factor, stated.factor, rel_tol=1e-6)
         if meant.exponents[:-1] == stated.exponents[:-1] and not (
@@ -203,8 +222,10 @@ def _factor(model: Model) -> Iterator[Fault]:
             yield Fault(f"the unit {name!r} means {meant} but has the BaseUnit {stated}; correct it", line_of(base))
 
 
-@rule("unit-without-base", "note", "2.2.2", "A unit has no BaseUnit, so importers cannot compare or convert it.")
-def _without_base(model: Model) -> Iterator[Fault]:
+@rule(
+    "unit-without-base", "note", "2.2.2", "A unit has no BaseUnit, so importers cannot compare or convert it.", "both"
+)
+def _without_base(model: AnyModel) -> Iterator[Fault]:
     for unit in model.all("UnitDefinitions/Unit"):
         if unit.find("BaseUnit") is None and unit.get("name") not in ("1", "-"):
             yield Fault(f"the unit {unit.get('name')!r} has no BaseUnit; add its exponents", line_of(unit))
@@ -213,17 +234,17 @@ def _without_base(model: Model) -> Iterator[Fault]:
 # ---- types
 
 
-@rule("duplicate-type", "error", "2.2.3", "Two types have the same name.")
-def _types(model: Model) -> Iterator[Fault]:
-    yield from _repeated(model.all("TypeDefinitions/SimpleType"), "type")
+@rule("duplicate-type", "error", "2.2.3", "Two types have the same name.", "both")
+def _types(model: AnyModel) -> Iterator[Fault]:
+    yield from _repeated(model.all("TypeDefinitions/*"), "type")
 
 
-@rule("type-and-variable", "error", "2.2.3", "A type and a variable have the same name.")
-def _clash(model: Model) -> Iterator[Fault]:
+@rule("type-and-variable", "error", "2.2.3", "A type and a variable have the same name.", "both")
+def _clash(model: AnyModel) -> Iterator[Fault]:
     names = {v.name for v in model.variables}
-    for element in model.all("TypeDefinitions/SimpleType"):
-        if element.get("name") in names:
-            yield Fault(f"the type {element.get('name')!r} has the name of a variable; rename it", line_of(element))
+    for name, element in model.types:
+        if name in names:
+            yield Fault(f"the type {name!r} has the name of a variable; rename it", line_of(element))
 
 
 @rule("type-unknown", "error", "2.2.7", "A declared type does not exist.")
@@ -241,18 +262,16 @@ def _type_mismatch(model: Model) -> Iterator[Fault]:
             yield at(v, f"{v.name} is {v.type} but declared as {declared}; choose another")
 
 
-@rule("enumeration-items", "error", "2.2.3", "Two items of an enumeration have the same name or value.")
-def _items(model: Model) -> Iterator[Fault]:
-    for simple in model.all("TypeDefinitions/SimpleType"):
-        for enumeration in simple.iterfind("Enumeration"):
-            for attribute in ("name", "value"):
-                seen: set[str] = set()
-                for item in enumeration.iterfind("Item"):
-                    text = item.get(attribute, "")
-                    if text in seen:
-                        message = f"two items of {simple.get('name')!r} have the {attribute} {text!r}; change one"
-                        yield Fault(message, line_of(item))
-                    seen.add(text)
+@rule("enumeration-items", "error", "2.2.3", "Two items of an enumeration have the same name or value.", "both")
+def _items(model: AnyModel) -> Iterator[Fault]:
+    for name, enumeration in model.types:
+        for attribute in ("name", "value"):
+            seen: set[str] = set()
+            for item in enumeration.iterfind("Item"):
+                text = item.get(attribute, "")
+                if text in seen:
+                    yield Fault(f"two items of {name!r} have the {attribute} {text!r}; change one", line_of(item))
+                seen.add(text)
 
 
 # ---- ModelStructure (section 2.2.8), and other XML files
@@ -264,12 +283,19 @@ _TERMINALS = declare("terminals", "error", "2.3", f"{TERMINALS} violates FMI 3.0
 _VARIABLE = declare("terminals-variable", "error", "2.3", "A terminal names a variable that does not exist.", "archive")
 _NAMES = declare("terminals-name", "error", "2.3", "Two terminals or two members have the same name.", "archive")
 _ICON = declare("terminals-icon", "warning", "2.3", "A named icon is missing.", "archive")
+_AREA = declare(
+    "terminals-area",
+    "error",
+    "2.3",
+    "A graphical representation has no area, is upside down or has no stroke.",
+    "archive",
+)
 _BUILD = declare("build-description", "error", "2.3", f"{BUILD} is invalid or names missing files.", "archive")
 
 _KINDS: Final = {"Terminal": "terminals", "TerminalMemberVariable": "members"}
 
 
-def examine_side_files(contents: Contents, model: Model | Model3) -> Iterator[Finding]:
+def examine_side_files(contents: Contents, model: AnyModel) -> Iterator[Finding]:
     """Yield the findings in these files, if they exist."""
     for file, examined, schema, examine in (
         (TERMINALS, _TERMINALS, "fmi3TerminalsAndIcons.xsd", _terminals),
@@ -294,7 +320,7 @@ def examine_side_files(contents: Contents, model: Model | Model3) -> Iterator[Fi
         yield from examine(contents, model, root)
 
 
-def _terminals(contents: Contents, model: Model | Model3, root: etree._Element) -> Iterator[Finding]:
+def _terminals(contents: Contents, model: AnyModel, root: etree._Element) -> Iterator[Finding]:
     names = {v.name for v in model.variables}
     for element in root.iter("TerminalMemberVariable", "TerminalStreamMemberVariable"):
         for attribute in ("variableName", "inStreamVariableName", "outStreamVariableName"):
@@ -314,13 +340,39 @@ def _terminals(contents: Contents, model: Model | Model3, root: etree._Element) 
         if f"terminalsAndIcons/{base}.png" not in contents.names:
             message = f"terminalsAndIcons/{base}.png is missing; add it, and optionally an .svg file"
             yield _ICON.finding(message, TERMINALS, line=line_of(element))
+    for element in root.iter("CoordinateSystem", "TerminalGraphicalRepresentation", "Icon"):
+        x1, y1, x2, y2 = (real(element.get(name)) or 0.0 for name in ("x1", "y1", "x2", "y2"))
+        reversed_ = name_of(element) == "CoordinateSystem" and (x1 > x2 or y1 > y2)
+        stroke = real(element.get("defaultConnectionStrokeSize", "1")) or 0.0
+        if x1 == x2 or y1 == y2 or reversed_ or stroke <= 0.0:
+            message = (
+                f"{name_of(element)} needs an area from bottom left to top right, and a positive stroke; correct it"
+            )
+            yield _AREA.finding(message, TERMINALS, line=line_of(element))
 
 
-def _build(contents: Contents, _model: Model | Model3, root: etree._Element) -> Iterator[Finding]:
+def _build(contents: Contents, model: AnyModel, root: etree._Element) -> Iterator[Finding]:
     for element in root.iter("SourceFile"):
         if f"sources/{element.get('name')}" not in contents.names:
             message = f"the source file {element.get('name')!r} is missing in sources; add it or remove the entry"
             yield _BUILD.finding(message, BUILD, line=line_of(element))
+    identifiers = {element.get("modelIdentifier") for element in model.interfaces}
+    for configuration in root.iterfind("BuildConfiguration"):
+        if (name := configuration.get("modelIdentifier")) not in identifiers:
+            message = f"no interface has the modelIdentifier {name!r} of a BuildConfiguration; correct it"
+            yield _BUILD.finding(message, BUILD, line=line_of(configuration))
+    for files in root.iter("SourceFileSet"):
+        if files.get("compilerOptions") is not None and files.get("compiler") is None:
+            message = "a SourceFileSet has compilerOptions but no compiler; name the compiler"
+            yield _BUILD.finding(message, BUILD, line=line_of(files))
+        for kind in ("SourceFile", "PreprocessorDefinition", "IncludeDirectory"):
+            for fault in _repeated(files.iterfind(kind), kind):
+                yield _BUILD.finding(fault.message, BUILD, line=fault.line)
+        for directory in files.iterfind("IncludeDirectory"):
+            path = normpath(f"sources/{directory.get('name')}")
+            if not contents.below(path):
+                message = f"the include directory {path!r} is missing; add it or remove the entry"
+                yield _BUILD.finding(message, BUILD, line=line_of(directory))
 
 
 def _entries(model: Model) -> Iterator[tuple[str, ListedUnknown]]:
@@ -495,14 +547,17 @@ def _duplicate(model: Model) -> Iterator[Fault]:
         seen.setdefault(v.name, v)
 
 
-@rule("variable-name", "error", "2.2.9", "A name does not follow the declared naming convention.")
-def _name(model: Model) -> Iterator[Fault]:
+@rule("variable-name", "error", "2.2.9", "A name does not follow the declared naming convention.", "both")
+def _name(model: AnyModel) -> Iterator[Fault]:
     structured = model.root.get("variableNamingConvention") == "structured"
     for v in model.variables:
-        if structured and not STRUCTURED.fullmatch(v.name):
-            yield at(v, f"{v.name!r} is not a structured name; rename it or declare the convention flat")
-        if not structured and (not v.name or re.search("[\r\n\t]", v.name)):
-            yield at(v, f"{v.name!r} is empty or contains a line break or a tab; rename it")
+        for name in (v.name, *(each.get("name", "") for each in v.element.iterfind("Alias"))):
+            if structured and not STRUCTURED.fullmatch(name):
+                yield at(v, f"{name!r} is not a structured name; rename it or declare the convention flat")
+            if structured and name.startswith("der(") and v.type not in REALS:
+                yield at(v, f"{name!r} is the name of a derivative, but its type is {v.type}; rename it")
+            if not structured and (not name or re.search("[\r\n\t]", name)):
+                yield at(v, f"{name!r} is empty or contains a line break or a tab; rename it")
 
 
 @for_each("variability", "error", "2.2.7", "Causality and variability, or type and variability, are incompatible.")
@@ -559,27 +614,29 @@ def _start_outside(model: Model) -> Iterator[Fault]:
                 yield at(v, f"{v.name} starts at {v.start}, which is not an item of its type; choose an item")
 
 
-@for_each("number-not-finite", "error", "2.2.7", "A start, min, max or nominal is NaN or infinite.")
-def _not_finite(_model: Model, v: Variable2) -> Iterator[str]:
-    for element in (v.typed,) if v.typed is not None and v.type == "Real" else ():
+@for_each("number-not-finite", "error", "2.2.7", "A start, min, max or nominal is NaN or infinite.", "both")
+def _not_finite(_model: AnyModel, v: Variable2 | Variable3) -> Iterator[str]:
+    for element in (v.typed,) if v.typed is not None and v.type in REALS else ():
         for attribute in ("start", "min", "max", "nominal"):
-            value = real(element.get(attribute))
-            if value is not None and not math.isfinite(value):
-                yield f"{attribute}={element.get(attribute)!r} of {v.name} is not a finite number; give one"
+            for text in element.get(attribute, "").split():
+                value = real(text)
+                if value is not None and not math.isfinite(value):
+                    yield f"{attribute}={text!r} of {v.name} is not a finite number; give one"
 
 
-@rule("limits-reversed", "error", "2.2.7", "A max is below its min.")
-def _reversed(model: Model) -> Iterator[Fault]:
-    types = [(simple.get("name", ""), child) for simple in model.all("TypeDefinitions/SimpleType") for child in simple]
-    owners = [(v.name, v.typed, v.get) for v in model.variables] + [(name, child, child.get) for name, child in types]
+@rule("limits-reversed", "error", "2.2.7", "A max is below its min.", "both")
+def _reversed(model: AnyModel) -> Iterator[Fault]:
+    owners: list[tuple[str, etree._Element | None, Callable[[str], str | None]]]
+    owners = [(v.name, v.typed, v.get) for v in model.variables]
+    owners += [(name, element, element.get) for name, element in model.types]
     for name, element, get in owners:
         low, high = real(get("min")), real(get("max"))
         if element is not None and low is not None and high is not None and high < low:
             yield Fault(f"{name} has min {get('min')} above max {get('max')}; correct them", line_of(element), name)
 
 
-@for_each("nominal", "error", "2.2.7", "A nominal value is not positive.")
-def _nominal(_model: Model, v: Variable2) -> Iterator[str]:
+@for_each("nominal", "error", "2.2.7", "A nominal value is not positive.", "both")
+def _nominal(_model: AnyModel, v: Variable2 | Variable3) -> Iterator[str]:
     value = real(v.get("nominal"))
     if value is not None and value <= 0.0:
         yield f"{v.name} has nominal {v.get('nominal')}; give the typical magnitude of its values"
@@ -601,6 +658,8 @@ def _shared(model: Model) -> Iterator[Fault]:
             fault = group[1], "but only some are constant"
         elif len({v.get("unit") for v in group}) > 1:
             fault = group[1], "but not the unit"
+        elif len({v.variability for v in group}) > 1:
+            fault = group[1], "but not the variability"
         else:
             continue
         yield at(fault[0], f"{shared}, {fault[1]}; use different value references")
@@ -616,8 +675,10 @@ def _independent(model: Model) -> Iterator[Fault]:
         yield at(v, f"{v.name} and {found[0].name} are both independent; keep one")
 
 
-@for_each("time-name", "note", "2.2.7", "The independent variable is not called time or does not have the unit s.")
-def _time(_model: Model, v: Variable2) -> Iterator[str]:
+@for_each(
+    "time-name", "note", "2.2.7", "The independent variable is not called time or does not have the unit s.", "both"
+)
+def _time(_model: AnyModel, v: Variable2 | Variable3) -> Iterator[str]:
     if v.causality == "independent" and (v.name != "time" or v.get("unit") not in (None, "s")):
         yield f"the independent variable is {v.name!r} in {v.get('unit')!r}; call it time, in s"
 
@@ -631,9 +692,13 @@ def _derivative(model: Model, v: Variable2) -> Iterator[str]:
 
 
 @for_each(
-    "multiple-set", "error", "2.2.7", "canHandleMultipleSetPerTimeInstant is set for a variable that is not an input."
+    "multiple-set",
+    "error",
+    "2.2.7",
+    "canHandleMultipleSetPerTimeInstant is set for a variable that is not an input.",
+    "both",
 )
-def _multiple_set(_model: Model, v: Variable2) -> Iterator[str]:
+def _multiple_set(_model: AnyModel, v: Variable2 | Variable3) -> Iterator[str]:
     if v.element.get("canHandleMultipleSetPerTimeInstant") is not None and v.causality != "input":
         yield f"{v.name} is {v.causality}; remove canHandleMultipleSetPerTimeInstant, which is for inputs only"
 

@@ -38,6 +38,11 @@ class Variable3(DescribedVariable):
         return name_of(self.element)
 
     @property
+    def typed(self) -> etree._Element:
+        """The element with the attributes of the type, as in FMI 2.0."""
+        return self.element
+
+    @property
     def reference(self) -> int | None:
         """Value reference; None if it is not a number."""
         return integer(self.element.get("valueReference"))
@@ -208,6 +213,8 @@ def _reinit(model: Model3) -> Iterator[Fault]:
     "fmi3-dimension", "error", "2.4.7.5", "A dimension has no size, or one that is no structural parameter.", "fmi3"
 )
 def _dimension(model: Model3, v: Variable3) -> Iterator[str]:
+    if v.dimensions and v.causality == "structuralParameter":
+        yield f"the structural parameter {v.name} has a dimension; remove it"
     for start, reference in v.dimensions:
         if (start is None) == (reference is None):
             yield f"a dimension of {v.name} needs either start or valueReference"
@@ -222,19 +229,14 @@ def _dimension(model: Model3, v: Variable3) -> Iterator[str]:
             yield f"a dimension of {v.name} names {reference}, no structural parameter or constant of type UInt64"
 
 
-@rule("fmi3-type", "error", "2.4.5", "A declared type or unit does not exist.", "fmi3")
+@rule("fmi3-type", "error", "2.4.5", "A declared type does not exist.", "fmi3")
 def _type(model: Model3) -> Iterator[Fault]:
-    units = {element.get("name") for element in model.root.iterfind("UnitDefinitions/Unit")}
     for v in model.variables:
-        name, unit = v.element.get("declaredType"), v.get("unit")
+        name = v.element.get("declaredType")
         if name is not None and v.declared is None:
             yield at(v, f"{v.name} has the type {name!r}, but TypeDefinitions has no {v.type}Type of this name")
         if v.type == "Enumeration" and name is None:
             yield at(v, f"{v.name} is an Enumeration without declaredType; name its type")
-        if unit is not None and unit not in units:
-            yield at(v, f"{v.name} has the unit {unit!r}, which UnitDefinitions does not define")
-        if v.type in FLOATS and unit is None and v.get("displayUnit") is not None:
-            yield at(v, f"{v.name} has a displayUnit but no unit; give its unit")
 
 
 @rule("fmi3-independent", "error", "2.4.7.4", "There is no or more than one independent variable.", "fmi3")
@@ -252,12 +254,14 @@ def _derivative(model: Model3, v: Variable3) -> Iterator[str]:
     state = model.by_reference.get(int(v.element.get("derivative", "-1")))
     if state is None or state.type not in FLOATS or state.variability != "continuous":
         yield f"{v.name} is the derivative of {v.element.get('derivative')}, which is no continuous variable"
+    elif v.type not in FLOATS or v.variability != "continuous":
+        yield f"{v.name} is the derivative of {state.name}, but a {v.variability} {v.type}; make it a continuous Float"
     elif model.elements(state) != model.elements(v):
         yield f"{v.name} and its state {state.name} have different dimensions; make them equal"
 
 
 @for_each("fmi3-clock", "error", "2.2.8", "A clock has no interval, or a wrong one.", "fmi3")
-def _clock(_model: Model3, v: Variable3) -> Iterator[str]:
+def _clock(model: Model3, v: Variable3) -> Iterator[str]:
     if v.type != "Clock":
         return
     variability, decimal = v.get("intervalVariability"), v.get("intervalDecimal")
@@ -270,6 +274,8 @@ def _clock(_model: Model3, v: Variable3) -> Iterator[str]:
         yield f"the clock {v.name} has an interval of {counter:g} counts of 1/{resolution}; give positive ones"
     if variability == "triggered" and (decimal is not None or counter is not None):
         yield f"the clock {v.name} is triggered but states an interval; remove it"
+    if v.get("priority") is not None and model.root.find("ScheduledExecution") is None:
+        yield f"the clock {v.name} has a priority, which is for scheduled execution only; remove it"
     if v.causality == "output" and variability != "triggered":
         yield f"the output clock {v.name} is {variability}; only triggered clocks can be outputs"
 
@@ -367,7 +373,13 @@ def _states(model: Model3) -> Iterator[Fault]:
             yield at(indicator, f"{indicator.name} is an event indicator, but no continuous Float variable")
 
 
-@rule("fmi3-initial-unknowns", "error", "2.4.8", "InitialUnknown does not list a variable that it must.", "fmi3")
+@rule(
+    "fmi3-initial-unknowns",
+    "error",
+    "2.4.8",
+    "InitialUnknown does not list a variable that it must, or depends on a computed one.",
+    "fmi3",
+)
 def _initial_unknowns(model: Model3) -> Iterator[Fault]:
     listed = {integer(element.get("valueReference")) for element in model.structure("InitialUnknown")}
     derivatives = {integer(element.get("valueReference")) for element in model.structure("ContinuousStateDerivative")}
@@ -377,9 +389,15 @@ def _initial_unknowns(model: Model3) -> Iterator[Fault]:
         asked = v.causality in ("output", "calculatedParameter") or v.reference in derivatives | states
         if computed and asked and v.reference not in listed:
             yield at(v, f"{v.name} is computed at the start, but InitialUnknown does not list it")
+    for element in model.structure("InitialUnknown"):
+        for word in element.get("dependencies", "").split():
+            known = model.by_reference.get(integer(word) or 0)
+            if known is not None and known.causality not in ("input", "independent") and known.initial != "exact":
+                message = f"an InitialUnknown depends on {known.name}, which is computed"
+                yield Fault(f"{message}; name inputs, the time and what is exact", line_of(element), known.name)
 
 
-@rule("fmi3-flags", "error", "2.4.2", "A capability is declared without another that it needs.", "fmi3")
+@rule("fmi3-flags", "error", "2.4.2", "There is no interface, or a capability lacks what it needs.", "fmi3")
 def _flags(model: Model3) -> Iterator[Fault]:
     for element in model.interfaces:
         for flag, needed in (
@@ -388,3 +406,9 @@ def _flags(model: Model3) -> Iterator[Fault]:
         ):
             if element.get(flag) in ("true", "1") and element.get(needed) not in ("true", "1"):
                 yield Fault(f"{element.tag} declares {flag} without {needed}; declare both", line_of(element))
+        if (size := real(element.get("fixedInternalStepSize"))) is not None and not size > 0.0:
+            yield Fault(f"fixedInternalStepSize is {size:g}; give a positive number or remove it", line_of(element))
+    if not model.interfaces:
+        yield Fault(
+            "there is no ModelExchange, CoSimulation or ScheduledExecution; export it again", line_of(model.root)
+        )

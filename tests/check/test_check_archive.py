@@ -29,6 +29,12 @@ FLANGE = (
     '<TerminalGraphicalRepresentation x1="-10" y1="-10" x2="10" y2="10" iconBaseName="flange"/>'
     "</Terminal></Terminals></fmiTerminalsAndIcons>"
 )
+UPSIDE_DOWN = (
+    '<GraphicalRepresentation><CoordinateSystem x1="1" y1="1" x2="-1" y2="-1" suggestedScalingFactorTo_mm="1"/>'
+    "</GraphicalRepresentation>"
+)
+ELF = (b"\x7fELF\x02\x01\x01".ljust(18, b"\0") + b"\x3e\0").ljust(200, b"\0")  # of x86_64
+PE64 = (b"MZ".ljust(60, b"\0") + b"\x40\0\0\0PE\0\0\x64\x86").ljust(200, b"\0")
 BUILDING = (
     '<fmiBuildDescription fmiVersion="3.0"><BuildConfiguration modelIdentifier="LuGre">'
     '<SourceFileSet language="C99"><SourceFile name="LuGre.c"/></SourceFileSet>'
@@ -64,6 +70,11 @@ FAULTS: dict[str, list[tuple[Callable[[dict[str, bytes]], Members], str]]] = {
         (lambda _: {"binaries/win32/lugre.dll": b"x"}, "binaries/win32/LuGre.dll"),
         (lambda _: {"binaries/x86_64-windows/LuGre.so": b"x"}, "binaries/x86_64-windows/LuGre.dll"),
     ],
+    "binary-format": [
+        (lambda _: {"binaries/win64/LuGre.dll": ELF}, "no library for win64"),
+        (lambda _: {"binaries/linux32/LuGre.so": ELF}, "no library for linux32"),
+        (lambda _: {"binaries/win32/LuGre.dll": PE64}, "no library for win32"),
+    ],
     "source-missing": [(lambda _: {"sources/LuGre.c": None}, "LuGre.c")],
     "source-undeclared": [(lambda m: {XML: _without_source_files(m[XML])}, "sources/LuGre.c")],
     "source-headers": [(lambda _: {"sources/fmi2Functions.h": b"x"}, "fmi2Functions.h")],
@@ -85,10 +96,26 @@ FAULTS: dict[str, list[tuple[Callable[[dict[str, bytes]], Members], str]]] = {
             "2 terminals have the name 'flange'",
         ),
     ],
+    "terminals-area": [
+        (lambda _: {TERMINALS: FLANGE.replace('x2="10"', 'x2="-10"').encode()}, "an area"),
+        (
+            lambda _: {TERMINALS: FLANGE.replace("iconBase", 'defaultConnectionStrokeSize="0" iconBase').encode()},
+            "stroke",
+        ),
+        (lambda _: {TERMINALS: FLANGE.replace("<Terminals>", f"{UPSIDE_DOWN}<Terminals>").encode()}, "bottom left"),
+    ],
     "terminals-icon": [(lambda _: {TERMINALS: FLANGE.encode(), "terminalsAndIcons/flange.png": None}, "flange.png")],
     "build-description": [
         (lambda _: {BUILD: BUILDING.replace("LuGre.c", "Other.c").encode()}, "Other.c"),
         (lambda _: {BUILD: BUILDING.replace("BuildConfiguration", "Configuration").encode()}, "Configuration"),
+        (lambda _: {BUILD: BUILDING.replace('modelIdentifier="LuGre"', 'modelIdentifier="L"').encode()}, "'L'"),
+        (
+            lambda _: {BUILD: BUILDING.replace("<SourceFileSet", '<SourceFileSet compilerOptions="-O2"').encode()},
+            "no c",
+        ),
+        (lambda _: {BUILD: _building('<SourceFile name="LuGre.c"/>')}, "SourceFile 'LuGre.c' is already"),
+        (lambda _: {BUILD: _building(2 * '<PreprocessorDefinition name="A"/>')}, "PreprocessorDefinition 'A'"),
+        (lambda _: {BUILD: _building('<IncludeDirectory name="nowhere"/>')}, "'sources/nowhere'"),
     ],
 }
 COMPANIONS = {
@@ -113,6 +140,10 @@ CASES = [
     for rule, cases in FAULTS.items()
     for k, (change, words) in enumerate(cases)
 ]
+
+
+def _building(more: str) -> bytes:
+    return BUILDING.replace("</SourceFileSet>", f"{more}</SourceFileSet>").encode()
 
 
 def _without_source_files(xml: bytes) -> bytes:

@@ -83,7 +83,9 @@ def test_a_library_without_its_tables_is_a_finding(
 
 def test_a_library_of_another_platform_may_be_truncated_too(members: dict[str, bytes], tmp_path: Path) -> None:
     other = "binaries/win64/LuGre.dll"
-    header = bytearray(b"MZ".ljust(0x3C, b"\0") + (64).to_bytes(4, "little") + b"PE\0\0".ljust(24, b"\0") + bytes(40))
+    header = bytearray(
+        b"MZ".ljust(0x3C, b"\0") + (64).to_bytes(4, "little") + b"PE\0\0\x64\x86".ljust(24, b"\0") + bytes(40)
+    )
     header[64 + 6] = 1  # one section ...
     header[64 + 24 + 16 : 64 + 24 + 24] = (512).to_bytes(4, "little") + (1024).to_bytes(4, "little")  # ... at 1024
     (finding,) = check(zipped(members | {other: bytes(header)}, tmp_path / "a.fmu"), static=True)
