@@ -18,7 +18,7 @@ from harness.extras import extra_of, lazy_names, require
 ROOT = Path(__file__).parents[2]
 EXTRAS = {
     **dict.fromkeys(("casadi", "ziglang"), "build"),
-    **dict.fromkeys(("cattrs", "plotly"), "study"),
+    "plotly": "study",
     **{"distributed": "dask", "mcap": "mcap", "pyarrow": "parquet"},
 }
 """Package -> the extra that a message names."""

@@ -162,7 +162,7 @@ def test_wheel_carries_library_engine_and_fmus_for_all_platforms(installed: Path
 
 
 def test_what_a_wheel_requires_is_small(installed: Path, requirements: dict[str, Distribution]) -> None:
-    optional = {"casadi", "cattrs", "distributed", "mcap", "plotly", "pyarrow", "ziglang"}
+    optional = {"casadi", "distributed", "mcap", "plotly", "pyarrow", "ziglang"}
     assert not optional & set(requirements)
     files = [Path(str(d.locate_file(file))) for d in requirements.values() for file in d.files or ()]
     sizes = [path.stat().st_size for path in (*files, *installed.rglob("*")) if path.is_file()]
