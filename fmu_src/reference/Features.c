@@ -21,7 +21,7 @@ enum { FLAG_OUT, FLAG, ANNOUNCED, BOOLEANS, LONGEST = 100 /* text */ };
 
 typedef struct {
     fmi2Real real[REALS], time;
-    fmi2Integer integer[INTEGERS], boolean[BOOLEANS], ended, iterations; /* that the event still needs */
+    fmi2Integer integer[INTEGERS], boolean[BOOLEANS], iterations; /* that the event still needs */
     char string[LONGEST], name[LONGEST];
     fmi2CallbackFunctions functions;
 } Instance;
@@ -35,7 +35,6 @@ static void set_start_values(Instance *c)
     strcpy(c->string, "none");
     c->boolean[FLAG] = c->boolean[ANNOUNCED] = fmi2True;
     c->iterations = 3;
-    c->ended = fmi2False;
 }
 
 /* Return the instance with its outputs computed. */
@@ -75,14 +74,13 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component component, fmi2EventInfo *info)
 fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boolean keeps_no_state)
 {
     Instance *const c = updated(component);
-    const double wanted = fmin(h, c->real[LARGEST_STEP]), done = fmin(wanted, c->real[END] - t);
+    const double done = fmin(fmin(h, c->real[LARGEST_STEP]), c->real[END] - t);
     fmi2EventInfo info;
     c->real[Y] += done * c->real[DER_Y];
     c->time = t + done;
     do
         fmi2NewDiscreteStates(c, &info);
     while (info.newDiscreteStatesNeeded);
-    c->ended = done < wanted;
     for (int i = 1; i <= c->integer[MESSAGES]; i++)
         c->functions.logger(c->functions.componentEnvironment, c->name, fmi2Warning, "logStatusWarning",
                             "message %d at %.3f s: 100 %% of \"%s\"", i, c->time, c->string);
@@ -135,7 +133,7 @@ FUNCTION(SetContinuousStates, (WHO, const fmi2Real y[], size_t n), (THIS->real[Y
 FUNCTION(GetContinuousStates, (WHO, fmi2Real y[], size_t n), (y[0] = THIS->real[Y], fmi2OK))
 FUNCTION(GetDerivatives, (WHO, fmi2Real values[], size_t n), (values[0] = updated(component)->real[DER_Y], fmi2OK))
 FUNCTION(GetRealStatus, (KIND, fmi2Real *value), (*value = THIS->time, fmi2OK))
-FUNCTION(GetBooleanStatus, (KIND, fmi2Boolean *value), (*value = THIS->ended, fmi2OK))
+FUNCTION(GetBooleanStatus, (KIND, fmi2Boolean *value), (*value = THIS->time >= THIS->real[END] - 1e-12, fmi2OK))
 FUNCTION(GetNominalsOfContinuousStates, (WHO, fmi2Real values[], size_t n), (values[0] = 1.0, fmi2OK))
 FUNCTION(CompletedIntegratorStep, (WHO, int a, int *event, int *end), (*end = 0, *event = unannounced(THIS), fmi2OK))
 FUNCTION(SetDebugLogging, (WHO, fmi2Boolean on, size_t n, const fmi2String categories[]), fmi2OK)

@@ -13,7 +13,6 @@ from friction_fmus.reference.case import ReferenceCase
 from friction_fmus.reference.tool_runs import FAILED, INACCURATE, PASSED, UNSUPPORTED, Verdict
 
 COLOURS: Final = ".passed { background: #dfd }\n.inaccurate { background: #ffc }\n.failed { background: #fdd }\n"
-JUNIT: Final = "junit.xml"
 
 
 def write_junit(verdicts: Sequence[Verdict], tool: str, folder: Path) -> None:
@@ -26,12 +25,12 @@ def write_junit(verdicts: Sequence[Verdict], tool: str, folder: Path) -> None:
         detail = "".join(letter if letter.isprintable() else " " for letter in f"{verdict.state}: {verdict.detail}")
         kind = {PASSED: "system-out", UNSUPPORTED: "skipped"}.get(verdict.state, "failure")
         etree.SubElement(test, kind, {} if kind == "system-out" else {"message": detail}).text = detail
-    write_file(etree.tostring(suite, xml_declaration=True, encoding="UTF-8", pretty_print=True), folder / JUNIT)
+    write_file(etree.tostring(suite, xml_declaration=True, encoding="UTF-8", pretty_print=True), folder / "junit.xml")
 
 
 def read_junit(folder: Path) -> dict[str, dict[str, str]]:
     """Return the verdicts of each tool in a set, by case, each as one text that begins with the state."""
-    files = sorted((folder / "results").glob(f"*/{JUNIT}"))
+    files = sorted((folder / "results").glob("*/junit.xml"))
     return {
         file.parent.name: {str(test.get("name")): str(test[0].text) for test in etree.parse(file).iter("testcase")}
         for file in files

@@ -26,8 +26,6 @@ SKIPPED: Final = 77  # exit status of a tool that does not support a case
 
 PASSED, INACCURATE, FAILED, UNSUPPORTED = "passed", "inaccurate", "failed", "not supported"
 
-SAME: Final = 1e-6  # distance of times that count as equal, in communication steps
-
 
 @dataclass(frozen=True)
 class Verdict:
@@ -72,14 +70,8 @@ def _run(case: ReferenceCase, command: str, output: Path, limit: float) -> tuple
     """Run the tool; return the verdict and its reason, empty if there are results to compare."""
     output.unlink(missing_ok=True)
     folder = case.folder.resolve()
-    places: dict[str, Any] = {
-        "case": folder,
-        "fmu": folder / case.file.name,
-        "output": output,
-        "python": sys.executable,
-    }
-    places |= {name: repr(value) for name, value in vars(case.experiment).items()}
-    places["inputs"] = folder / INPUTS
+    paths = {"case": folder, "fmu": folder / case.file.name, "inputs": folder / INPUTS, "output": output}
+    places = {**paths, **{name: repr(value) for name, value in vars(case.experiment).items()}, "python": sys.executable}
     try:
         given = [word for word in shlex.split(command) if case.inputs or "{inputs}" not in word]
         words = [word.format_map(places) for word in given]
@@ -117,7 +109,7 @@ def read_results(path: Path) -> dict[str, list[str]]:
 def compare(case: ReferenceCase, output: Path) -> tuple[str, str]:
     """Return the verdict on results, and its reason."""
     reference, bound = read_results(case.folder / REFERENCE), read_results(case.folder / BOUND)
-    wanted, slack = np.array(reference["time"], dtype=float), SAME * case.experiment.step
+    wanted, slack = np.array(reference["time"], dtype=float), 1e-6 * case.experiment.step  # of times
     try:
         found = read_results(output)
         times = np.array(found["time"], dtype=float)
@@ -145,26 +137,20 @@ def compare(case: ReferenceCase, output: Path) -> tuple[str, str]:
                 return FAILED, f"its results have no row for {t:.12g} s"
             ratio, i, k = min((_ratio(values[i], right[k], allowed[k]), i, k) for i in rows for k in alike)
             if ratio > worst:
-                worst, detail = (
-                    ratio,
-                    f"{name} is {values[i]} at {t:.12g} s, not {right[k]} with the bound {allowed[k]}",
-                )
+                worst = ratio
+                detail = f"{name} is {values[i]} at {t:.12g} s, not {right[k]} with the bound {allowed[k]}"
     if math.isinf(worst):
         return FAILED, detail
     state = PASSED if worst <= 1.0 else INACCURATE
     return state, f"{worst:.2g} times the bound{f': {detail}' if worst > 1.0 else ''}"
 
 
-_TRUTHS: Final = {"true": "1", "false": "0"}
-
-
 def _ratio(value: str, right: str, bound: str) -> float:
     """Return a deviation over its bound; infinite if it is not a number, or has to be exact and is not."""
     try:
-        number, expected, allowed = (float(_TRUTHS.get(each.lower(), each)) for each in (value, right, bound or "0"))
+        expected, allowed = float(right), float(bound or "0")
+        number = float({"true": "1", "false": "0"}.get(value.lower(), value))
     except ValueError:
         return 0.0 if value == right else math.inf
     error = abs(number - expected)
-    if error == 0.0:
-        return 0.0
-    return error / allowed if allowed > 0.0 and math.isfinite(error) else math.inf
+    return 0.0 if error == 0.0 else error / allowed if allowed > 0.0 and math.isfinite(error) else math.inf

@@ -215,7 +215,7 @@ class Loops(Algorithm):
         """Return the values kept from step to step for a checkpoint, as views of the data."""
         values = bytes_of(self._arrays[1]).reshape(-1, ctypes.sizeof(Moving))
         guards = bytes_of(self._arrays[2]).reshape(-1, ctypes.sizeof(StepCheck))
-        places = {"moving": values[:, Moving.u0.offset :], "guards": guards[:, StepCheck.checks_due.offset :]}
+        places = {"moving": values[:, Moving.from_rest.offset :], "guards": guards[:, StepCheck.checks_due.offset :]}
         return {**self._memory, **places}  # without the indices of unknowns and lines
 
     def report(self) -> dict[str, str | float]:

@@ -149,6 +149,30 @@ def test_a_wrong_argument_is_refused_and_changes_nothing(
     np.testing.assert_array_equal(batch.values[1], before[0][1])
 
 
+@pytest.mark.parametrize("model", ["LuGre", "Coulomb"])  # the latter keeps in mind how it came to rest
+def test_a_copy_does_not_depend_on_the_others(build_fmu: BuildFmu, model: str) -> None:
+    forces, speeds = np.random.default_rng(5).normal(scale=2.0, size=(20, 3, 1)), np.linspace(0.0, 0.1, 3)
+    load = ["mass.F_ext -> friction.F_ext"] if model == "Coulomb" else []
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", *load]
+    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu(model))]
+
+    def stepped(copies: list[int]) -> np.ndarray:
+        with system.batch(
+            len(copies),
+            inputs=["mass.F_drive"],
+            outputs=["mass.x", "friction.F"],
+            start={"mass.v0": speeds[copies]},
+            master="newton",
+            step=1e-3,
+        ) as made:
+            return np.array([made.step(rows[copies], 5).copy() for rows in forces])
+
+    with System(parts, wires, {"mass.F_drive": 0.0}) as system:
+        together = stepped([0, 1, 2])
+        for copy in range(3):
+            np.testing.assert_array_equal(together[:, [copy]], stepped([copy]))
+
+
 def test_inputs_have_the_order_and_the_start_values_that_were_given(servo: Callable[..., System]) -> None:
     starts = np.array([0.0, 1e-3, 2e-3])
     with servo() as system, system.batch(3, inputs=["pid.enable", "pid.r"], outputs=["pid.u"]) as flag_first:

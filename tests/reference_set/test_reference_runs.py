@@ -61,7 +61,7 @@ def test_a_built_case_has_all_that_a_tool_needs(cases: Path) -> None:
         *("Mass.fmu", "README.md", "bound.csv", "case.toml", "inputs.csv", "reference.csv"),
     }
     page = (cases / "input_ramp" / "README.md").read_text(encoding="utf-8")
-    assert "inputs-not-interpolated" in page
+    assert "inputs-held-one-step-late" in page
     assert "FMI 2.0.5, 4.2.4" in page
     with zipfile.ZipFile(cases / "input_ramp" / "Mass.fmu") as archive:
         folder = "extra/org.fmi-standard.fmi-ls-ref/"
