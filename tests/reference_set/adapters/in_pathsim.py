@@ -52,8 +52,8 @@ def run(case: AdaptedCase) -> Rows:
     first, *others = case.times()
     simulation._update(first)  # it computes outputs when it runs
     rows = [[first, *block_values(block, case)]]
-    for t in others:
-        simulation.run(t - simulation.time, reset=False, adaptive=case.kind == "me")
+    for _ in others:
+        simulation.run(case.step, reset=False, adaptive=case.kind == "me")
         rows.append([simulation.time, *block_values(block, case)])
     return rows
 

@@ -53,7 +53,8 @@ def integrated(case: AdaptedCase, folder: str) -> Rows:
     def put(values: dict[str, Any]) -> None:
         for name, value in values.items():
             kind = variables[name].type
-            getattr(fmu, f"set{TYPES.get(kind, kind)}")([variables[name].valueReference], [value])
+            typed = {"Integer": int, "Enumeration": int, "Boolean": bool}.get(kind, float)(value)
+            getattr(fmu, f"set{TYPES.get(kind, kind)}")([variables[name].valueReference], [typed])
 
     def get(name: str) -> Any:
         kind = variables[name].type
@@ -115,8 +116,12 @@ def integrated(case: AdaptedCase, folder: str) -> Rows:
                     t, state, found = float(made.t[-1]), made.y[:, -1], made.status == 1
                 else:
                     t = stop
-                after = indicators(t, state)
-                found = found or bool(((before > 0.0) != (after > 0.0)).any())
+                size = 1e-14 * max(1.0, abs(t))
+                while (
+                    found and not ((before > 0.0) != (indicators(t, state) > 0.0)).any()
+                ):  # the root is not passed yet
+                    t, state, size = t + size, state + size * rates(t, state), 2.0 * size
+                found = found or bool(((before > 0.0) != (indicators(t, state) > 0.0)).any())
             place(t, state)
             asked, ended = fmu.completedIntegratorStep()
             if t == point:
