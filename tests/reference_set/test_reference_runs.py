@@ -23,6 +23,8 @@ from friction_fmus.reference.tool_runs import compare, run_case
 
 FMPY = {
     "fmi3_structural_parameter": "sets the structural parameter outside of configuration mode",
+    "me_grazing": "sets inputs only at the ends of the steps of the solver",
+    "me_input_ramp": "as before",
     "partial_step": "repeats the step for ever",
     "ssp_algebraic_loop": "its rows have the times of the beginnings of the steps, and it sets no parameters",
     "ssp_chain": "as before",

@@ -399,10 +399,21 @@ def me_stick_slip() -> list[Row]:
     return found
 
 
+@case("me_input_ramp")
+def me_input_ramp() -> list[Row]:
+    """F = 8 t on 1 kg."""
+    return rows(grid(1, Q(1, 8)), lambda t: {"x": t**3 * 4 / 3, "v": 4 * t * t}, 5 * SOLVER)
+
+
 @case("me_grazing")
 def me_grazing() -> list[Row]:
-    """At rest."""
-    return [(t, {"x": (0, SOLVER), "v": (0, 0), "stuck": (1, 0)}) for t in grid(2, Q(1, 8))]
+    """v = 0.0011 + (1 - t)^2."""
+    lowest = Q(11, 10**4)
+
+    def motion(t: Q) -> Mapping[str, Q]:
+        return {"x": lowest * t + (1 - (1 - t) ** 3) / 3, "v": lowest + (1 - t) ** 2}
+
+    return rows(grid(2, Q(1, 8)), motion, 3 * SOLVER)
 
 
 @case("me_simultaneous")
