@@ -130,13 +130,27 @@ def test_python_of_the_readme_gives_the_published_stick_slip(tmp_path: Path) -> 
 @nightly
 def test_program_of_the_harness_page(tmp_path: Path) -> None:
     """Gauss-Seidel misses what it hands over, and is wrong by a quarter of a metre, as the page says."""
-    program, drive = blocks(ROOT / "docs" / "harness.md", "python")
+    program, drive, *_ = blocks(ROOT / "docs" / "harness.md", "python")
     (tmp_path / "program.py").write_text(program, encoding="utf-8")
     (tmp_path / "drive.py").write_text(drive + "assert abs(F).max() > 1.0\n", encoding="utf-8")
     defect, error = (float(word) for word in run(f"{sys.executable} program.py", tmp_path).split())
     run(f"{sys.executable} drive.py", tmp_path)
     assert defect > 0.05
     assert error == pytest.approx(0.26, abs=0.01)
+
+
+def test_batches_of_the_harness_page(tmp_path: Path) -> None:
+    """All copies are stepped, those that have moved less than 5 mm return to their start, the others do not."""
+    *_, program = blocks(ROOT / "docs" / "harness.md", "python")
+    program = program.replace(
+        "    axes.close()\n", "    x = axes.values[:, 0]\n    print(sorted(x)[0], x.max())\n    axes.close()\n"
+    )
+    (tmp_path / "batches.py").write_text(program, encoding="utf-8")
+    failures, places = run(f"{sys.executable} batches.py", tmp_path).splitlines()
+    least, most = (float(word) for word in places.split())
+    assert failures == "{}"
+    assert 0.0 <= least <= most < 0.02
+    assert most > 5e-3
 
 
 @nightly
