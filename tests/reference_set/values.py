@@ -53,9 +53,9 @@ def enclosed(interval: Any, extra: Any = 0) -> Cell:
 def rounding(steps: int, largest: Any) -> Q:
     """The bound of 64 roundings of the largest value in each step.
 
-    The exact step of a mass adds at most 4 terms, none of which is above the largest value: 3 products, and 3 sums of at
-    most 4 times that value, are 15 roundings. The factors h and h^2/2 of the terms have at most 4 roundings each, which are
-    12 more. The blocks that add or sample values do less.
+    The exact step of a mass adds at most 4 terms, none of which is above the largest value: 3 products, and 3 sums of
+    at most 4 times that value, are 15 roundings. The factors h and h^2/2 of the terms have at most 4 roundings each,
+    which are 12 more. The blocks that add or sample values do less.
     """
     return 64 * ULP * max(steps, 1) * Q(largest)
 
