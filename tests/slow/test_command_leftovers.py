@@ -35,6 +35,7 @@ COMMANDS: dict[str, tuple[list[object], set[int], set[str]]] = {
         {0},
         {"out"},
     ),
+    "reference": (["build", "--case", "input_ramp", "-o", "out"], {0}, {"out"}),
     "export": (["--to", "modelica", "-o", "out"], {0}, {"out"}),
     "identify": (
         ["../data/axis.toml", "--model", "Stribeck", "--train", "0", "3", "--workers", "1", "-o", "out"],

@@ -12,7 +12,7 @@ from thorough import nightly
 from friction_fmus import build
 
 DEEP = 10_000
-EVERY = 1 if "ALL_ODD_VALUES" in os.environ else 84
+EVERY = 1 if "ALL_ODD_VALUES" in os.environ else 83  # a prime: all keys have their turn
 """A test run tries a few of the 2000 system files, `tests/nightly.sh` all of them."""
 
 ODD: dict[str, str] = {
