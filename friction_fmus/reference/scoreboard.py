@@ -12,7 +12,16 @@ from friction_fmus.fmi.html_page import STYLE, row, table
 from friction_fmus.reference.case import ReferenceCase
 from friction_fmus.reference.tool_runs import FAILED, INACCURATE, PASSED, UNSUPPORTED, Verdict
 
-COLOURS: Final = ".passed { background: #dfd }\n.inaccurate { background: #ffc }\n.failed { background: #fdd }\n"
+COLOURS: Final = """
+.passed { background: #00c80026; }
+.inaccurate { background: #e6c80040; }
+.failed { background: #ff000026; }
+@media (prefers-color-scheme: dark) {
+  :root { color-scheme: dark; }
+  body { color: #e6e6e6; }
+  caption { color: #b0b0b0; }
+}
+"""
 
 
 def write_junit(verdicts: Sequence[Verdict], tool: str, folder: Path) -> None:

@@ -122,8 +122,8 @@ def _direct_calls(library: Any) -> int:
     except AttributeError:
         return 0
     calls.restype, calls.argtypes = _POINTER, ()
-    address = int(calls())
-    return address if ctypes.c_int.from_address(address).value == DIRECT_VERSION else 0
+    address = int(calls() or 0)
+    return address if address and ctypes.c_int.from_address(address).value == DIRECT_VERSION else 0
 
 
 def _unload(handle: int, folder: ScratchFolder) -> None:

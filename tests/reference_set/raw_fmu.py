@@ -1,4 +1,4 @@
-"""FMUs of FMI 2.0 and 3.0 by ctypes alone: no code of the harness and none of fmpy, so that faults are not shared."""
+"""Calls of FMI 2.0 and 3.0 through ctypes. Nothing of the harness or of fmpy is used, so that no fault is shared."""
 
 from __future__ import annotations
 

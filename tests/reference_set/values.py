@@ -147,7 +147,7 @@ def start_values() -> list[Row]:
 
 @case("fmi3_start_values")
 def fmi3_start_values() -> list[Row]:
-    """The same from 2 s on."""
+    """The motion of `start_values`, with the start time 2 s."""
     times = grid(Q(53, 16), Q(1, 4), 2)
     return rows(times, lambda t: {"x": 2 - (t - 2) + (t - 2) ** 2 * 3 / 8, "v": -1 + (t - 2) * 3 / 4}, rounding(8, 4))
 
@@ -354,7 +354,7 @@ def me_oscillator() -> list[Row]:
 
 
 def karnopp(forces: Sequence[tuple[Q, Q]], w: Q, times: Sequence[Q]) -> Iterable[tuple[Q, Q, Q]]:
-    """Time, position and velocity of KarnoppMass with the numbers below, and forces from times on."""
+    """Time, position and velocity of KarnoppMass; each force acts from the time beside it until the next one."""
     Fc, Fs, DV = Q(1), Q(3, 2), Q(1, 1000)
     side = 1 if w >= DV else 0
     t, x = Q(0), Q(0)
@@ -423,7 +423,7 @@ def me_grazing() -> list[Row]:
 
 @case("me_simultaneous")
 def me_simultaneous() -> list[Row]:
-    """Two springs: F = 10 x up to 2 N, and from 1 s on back to -2 N."""
+    """The force of two sliding springs rises to 2 N, stays there until 1 s, and falls to -2 N after the reversal."""
     return rows(grid(2, Q(1, 8)), lambda t: {"F": max(min(5 * t, Q(2)) - max(5 * (t - 1), Q(0)), Q(-2))}, 2 * SOLVER)
 
 
@@ -459,13 +459,13 @@ def me_start_time() -> list[Row]:
 
 @case("me_event_iteration")
 def me_event_iteration() -> list[Row]:
-    """y = t, and 3 more after 0.3 s."""
+    """y = t until 0.3 s, and t + 3 afterwards."""
     return rows(grid(1, Q(1, 4)), lambda t: {"y": t + (3 if t > Q(3, 10) else 0)}, 2 * SOLVER)
 
 
 @case("me_step_event")
 def me_step_event() -> list[Row]:
-    """y = t, and 3 more from 0.3 s or a later step on, at the latest from 0.5 s on."""
+    """y = t until the event, and t + 3 afterwards; the event is at the end of a step, between 0.3 s and 0.5 s."""
     found: list[Row] = []
     for t in grid(1, Q(1, 4)):
         jumps = [0] if t < Q(3, 10) else [0, 3] if t == Q(1, 2) else [3]

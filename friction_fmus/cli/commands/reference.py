@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tool", metavar="TOOL", help=text)
     parser.add_argument("--results", type=Path, metavar="DIR", help="run: folder with NAME.csv that a tool has written")
     parser.add_argument("--name", metavar="NAME", help="run: name of the tool in the tables; default: its first word")
-    text = "run: what the tool does not have, such as me or fmi3, see needs in case.toml; may be repeated"
+    text = "run: a need of cases that the tool does not meet, such as me or fmi3 (needs in case.toml); may be repeated"
     parser.add_argument("--lacks", action="append", default=[], metavar="NEED", help=text)
     text = "run: time limit for each case [s]; default: that of the case, 10 s or 60 s"
     parser.add_argument("--timeout", type=float, metavar="S", help=text)
