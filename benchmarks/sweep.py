@@ -84,8 +84,10 @@ class FmpyLoop:
             get, put = [references[o] for o in outputs], [references[target] for _, target in inputs]
             self.plan.append((self.slaves[name], put, [source for source, _ in inputs], get, outputs))
 
-    def run(self, values: Mapping[str, float], ticks: int) -> float:
-        """Final position [m]."""
+    def run(
+        self, values: Mapping[str, float], ticks: int, begin: Callable[[int, dict[str, float]], None] | None = None
+    ) -> float:
+        """Final position [m]; `begin` may change values before a tick."""
         for name, slave in self.slaves.items():
             slave.reset()
             slave.setupExperiment(startTime=0.0)
@@ -101,6 +103,8 @@ class FmpyLoop:
         for slave in self.slaves.values():
             slave.exitInitializationMode()
         for tick in range(ticks):
+            if begin:
+                begin(tick, signals)
             for slave, put, sources, get, outputs in self.plan:
                 slave.setReal(put, [signals[source] for source in sources])
                 slave.doStep(tick * STEP, STEP)
