@@ -1,8 +1,8 @@
-/* What `systems.py` compares `newton` with: a mass that a spring pulls over LuGre friction, as an engineer would write it
-   by hand in C, with the numerical methods of `newton` and of the blocks. The velocity and the friction force are lines
-   during a step, with the means of the generalised-alpha method (harness/engine/span.h); the force at the end of the
-   step is found by the secant method. Exact steps and quadrature are those of fmu_src/numerics. There are no checks of
-   steps, no brackets, no contacts at rest and no other systems; only the position is recorded. */
+/* What `systems.py` compares `newton` with: a mass that a spring pulls over LuGre friction, as an engineer would write
+   it by hand in C, with the numerical methods of `newton` and of the blocks. The velocity and the friction force are
+   lines during a step, with the means of the generalised-alpha method (harness/engine/span.h); the force at the end of
+   the step is found by the secant method. Exact steps and quadrature are those of fmu_src/numerics. There are no checks
+   of steps, no brackets, no contacts at rest and no other systems; only the position is recorded. */
 
 #include <math.h>
 #include <stdbool.h>
