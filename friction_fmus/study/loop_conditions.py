@@ -24,8 +24,7 @@ from friction_fmus.conditions import Condition
 from friction_fmus.conditions.condition import above, first_largest, remainder, spectral_radius
 from friction_fmus.errors import FrictionError
 from friction_fmus.study.evaluation import AxisBench, Scheme
-from friction_fmus.study.linear_laws import named
-from friction_fmus.study.margins import driven, laws_of, path_of, sliding, viscous_beside, with_starts
+from friction_fmus.study.margins import driven, laws_of, named, path_of, sliding, viscous_beside, with_starts
 
 Array = NDArray[np.float64]
 
