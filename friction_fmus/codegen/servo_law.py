@@ -12,8 +12,8 @@ from typing import Any, Final, TypeAlias
 import tomli_w
 from casadi import SX, Function, exp, if_else, symvar, tan
 
-from friction_fmus.axis.drive_filters import BUTTERWORTH
 from friction_fmus.axis.position_map import Grid, PositionMap
+from friction_fmus.axis.servo import BUTTERWORTH
 from friction_fmus.blocks.axis_units import words_of
 from friction_fmus.blocks.block_declarations import About
 from friction_fmus.blocks.catalogue import find

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from friction_fmus.axis.drive_filters import LowPass, Notch
-from friction_fmus.axis.servo import GAINS, LOGGED_FORCES, Servo
+from friction_fmus.axis.servo import GAINS, LOGGED_FORCES, LowPass, Notch, Servo
 from friction_fmus.errors import FrictionError, RecordError, did_you_mean
 from friction_fmus.identification import Measurement
 from friction_fmus.identification.data.mapping import MISSING

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from friction_fmus import conditions
-from friction_fmus.axis.drive_filters import coefficients
 from friction_fmus.axis.loop_assembly import with_friction
-from friction_fmus.axis.servo import AxisPlant, Compensator, Servo
+from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, coefficients
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.block_declarations import Use
 from friction_fmus.blocks.catalogue import find

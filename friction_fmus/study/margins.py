@@ -11,9 +11,8 @@ from typing import Final, TypeVar
 import numpy as np
 from casadi import Function
 
-from friction_fmus.axis.drive_filters import coefficients
 from friction_fmus.axis.loop_assembly import block
-from friction_fmus.axis.servo import GAINS, AxisPlant, Compensator, Servo
+from friction_fmus.axis.servo import GAINS, AxisPlant, Compensator, Servo, coefficients
 from friction_fmus.blocks.catalogue import find, listing
 from friction_fmus.blocks.contact import AxisFriction, Level
 from friction_fmus.conditions import DrivenPlant, PathDynamics, SampledLaw, chain, on_bristles, one_mass, two_masses

@@ -21,9 +21,8 @@ from scipy.ndimage import binary_erosion
 from scipy.optimize import minimize, minimize_scalar
 from threadpoolctl import threadpool_limits
 
-from friction_fmus.axis.drive_filters import BUTTERWORTH, LowPass, Notch, filtered
 from friction_fmus.axis.loop_assembly import block
-from friction_fmus.axis.servo import GAIN_UNITS, GAINS, Servo
+from friction_fmus.axis.servo import BUTTERWORTH, GAIN_UNITS, GAINS, LowPass, Notch, Servo, filtered
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.identification import Array, Record
 from friction_fmus.identification.fit.scores import independent_samples, rms
