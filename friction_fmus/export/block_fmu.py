@@ -352,8 +352,7 @@ def computed(block: Block) -> dict[str, tuple[str, ...]]:
     """Return the dependencies of a law's outputs as casadi finds them; empty for other blocks."""
     if not block.is_law:
         return {}
-    from friction_fmus.lawkit.law import Kind
-    from friction_fmus.lawkit.law_files import discover_laws
+    from friction_fmus.lawkit.law import Kind, discover_laws
 
     (law,) = discover_laws(block.path)
     return {variable.name: law.dependencies(variable.name) for variable in law.select(Kind.OUTPUT)}

@@ -19,8 +19,7 @@ from friction_fmus.conditions import DrivenPlant, PathDynamics, SampledLaw, chai
 from friction_fmus.conditions.chain import Margins, loop_margins
 from friction_fmus.conditions.condition import spectral_radius
 from friction_fmus.errors import FrictionError, did_you_mean
-from friction_fmus.lawkit.law import Kind, Law
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import Kind, Law, discover_laws
 from friction_fmus.study.study_result import LoopMargins
 from harness import FmuPart
 

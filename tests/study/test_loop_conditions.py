@@ -17,7 +17,7 @@ from friction_fmus.axis.servo_loop import run_loop
 from friction_fmus.blocks.axis_units import TURNING
 from friction_fmus.blocks.catalogue import about_of, laws_folder, listing
 from friction_fmus.errors import FrictionError
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 from friction_fmus.study.data import build_reference
 from friction_fmus.study.evaluation import AxisBench, Scheme, system_of
 from friction_fmus.study.loop_conditions import AddedLaw, ExaminedLoop, loop_conditions, windowed_sinc
