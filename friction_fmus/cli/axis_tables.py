@@ -20,7 +20,7 @@ from friction_fmus.identification import (
     RecordFinding,
     read_measurement,
 )
-from friction_fmus.identification.fit.idim import first_look
+from friction_fmus.identification.fit.first_look import first_look
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.identification_result import name_of
 from friction_fmus.identification.model_comparison import ModelComparison

@@ -17,7 +17,7 @@ from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.excitation import position_findings
 from friction_fmus.identification.data.record import Array, Record, RecordFinding
 from friction_fmus.identification.fit.contact_model import contact_model
-from friction_fmus.identification.fit.idim import solved
+from friction_fmus.identification.fit.first_look import solved
 from friction_fmus.identification.fit.rests import unresolved_rest
 from friction_fmus.identification.fit.scores import rms
 from friction_fmus.identification.fit.simulation_data import prepare

@@ -11,7 +11,7 @@ import numpy as np
 from friction_fmus.axis.servo import Servo
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import Record
-from friction_fmus.identification.fit.idim import first_look
+from friction_fmus.identification.fit.first_look import first_look
 from friction_fmus.identification.fit.scores import rms
 
 TRUE: Final = 0.15  # relative difference of claimed and measured error up to which the claim came true

@@ -12,7 +12,7 @@ from thorough import nightly
 
 from friction_fmus.errors import FitError, RecordError
 from friction_fmus.identification import LINEAR, ROTARY, Record, identify, read_measurement
-from friction_fmus.identification.fit.idim import first_look
+from friction_fmus.identification.fit.first_look import first_look
 from friction_fmus.identification.plant_candidates import plant_findings
 
 ARM = replace(drawn(7), direction=0.0)  # with gravity and load

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from friction_fmus.identification import DataMapping, Estimate, Record, identify, read_measurement
-from friction_fmus.identification.fit.idim import first_look
+from friction_fmus.identification.fit.first_look import first_look
 from friction_fmus.identification.model_comparison import useless
 
 J, FC, FV, OF, KT = 0.012, 0.8, 0.05, 0.04, 0.5

@@ -16,7 +16,7 @@ from friction_fmus.blocks.axis_units import ROTARY, units_of_channels
 from friction_fmus.cli.axis_tables import read_asking
 from friction_fmus.errors import AmbiguousColumnsError
 from friction_fmus.identification import DataMapping, Measurement, RecordError, read_measurement
-from friction_fmus.identification.fit.idim import first_look
+from friction_fmus.identification.fit.first_look import first_look
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "my-log-file.md").read_text(encoding="utf-8")

@@ -10,7 +10,7 @@ import pytest
 from friction_fmus.__main__ import main
 from friction_fmus.identification import LINEAR, Record, read_measurement
 from friction_fmus.identification.data.reading import default_windows
-from friction_fmus.identification.fit.idim import first_look
+from friction_fmus.identification.fit.first_look import first_look
 
 M, FC, FV, OF = 2.0, 8.0, 5.0, 0.7
 TS = 1e-3

@@ -18,7 +18,7 @@ import numpy as np
 
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import Measurement, read_measurement
-from friction_fmus.identification.fit.idim import first_look
+from friction_fmus.identification.fit.first_look import first_look
 
 INERTIA, COULOMB, VISCOUS, OFFSET = 0.012, 0.8, 0.05, 0.04
 
