@@ -1,4 +1,4 @@
-"""Configuration of the servo of an axis."""
+"""Configuration of the servo of an axis: its law, sensors and filters, and the plant that it moves."""
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field

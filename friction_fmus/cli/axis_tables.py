@@ -1,4 +1,4 @@
-"""The results of ``identify`` as text for the terminal, and its question about columns that several guesses fit."""
+"""Results of ``identify`` and ``study`` for the terminal, and the question which guess of columns is right."""
 
 import math
 import sys

@@ -14,33 +14,37 @@ from zipfile import ZipFile
 from friction_fmus.blocks.catalogue import (
     PACKAGE,
     Block,
+    drawn,
     find,
     icon_files,
+    licence_text,
     listing,
     source_folder,
     with_room,
 )
 from friction_fmus.blocks.customise import Start, identified, renamed, rotational, with_start_values
-from friction_fmus.blocks.probe import BlockVariables, read_variables
+from friction_fmus.blocks.probe import (
+    FIXED,
+    INPUT,
+    PARAMETER,
+    STATE,
+    BlockVariables,
+    Description,
+    describe,
+    read_variables,
+)
 from friction_fmus.errors import BuildError
 from friction_fmus.export.targets import Compiling, SourceFmu, choose_target, write_file
 from friction_fmus.version import VERSION, build_time
 from harness.compiling import toolchain
-from harness.compiling.platforms import NATIVE, native_library, select
+from harness.compiling.platforms import NATIVE, compiled, native_library, select
 from harness.storage.files import ScratchFolder, cached, read_source, reason
-from harness.storage.zip_file import find_outside
+from harness.storage.zip_file import find_outside, zipped
 from harness.units import in_unit
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-
-from friction_fmus.blocks.catalogue import drawn, licence_text
-from friction_fmus.blocks.probe import FIXED, INPUT, PARAMETER, STATE, Description, describe
-from friction_fmus.fmi.documentation import index_page
-from friction_fmus.fmi.model_description import model_description, terminals, terminals_and_icons
-from harness.compiling.platforms import compiled
-from harness.storage.zip_file import zipped
 
 SHIPPED = PACKAGE / "fmus"  # folder of the FMUs for all platforms in an installed package; a checkout has none
 
@@ -134,8 +138,6 @@ def block_source(
     sources = identified(_sources(block, files or {}), identifier)
 
     def make() -> bytes:
-        from friction_fmus.export.block_fmu import assemble  # its libraries are not needed for one in the cache
-
         if compiling:
             compiling(NATIVE.folder, 0)
         return assemble(block, sources)
@@ -317,6 +319,9 @@ def _hash(texts: Iterable[str]) -> str:
 
 def assemble(block: Block, sources: Mapping[str, str]) -> bytes:
     """Return the FMU for this machine: library, model description, documentation and terminals."""
+    from friction_fmus.fmi.documentation import index_page  # not needed for an FMU in the cache
+    from friction_fmus.fmi.model_description import model_description, terminals, terminals_and_icons
+
     place = f"binaries/{NATIVE.folder}/{block.name}{NATIVE.suffix}"
     members = {f"sources/{name}": text.encode() for name, text in sources.items()}
     members[place] = compiled(NATIVE, sources, block.name)

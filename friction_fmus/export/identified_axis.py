@@ -1,4 +1,4 @@
-"""The axis that a study or an identification found, as the targets of `export` take it."""
+"""The axis that a study or an identification found, as the targets of `export` take it, and the loop of a study."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""modelDescription.xml and terminals of a block (FMI 2.0.5, section 2.2), from the row table of its binary."""
+"""modelDescription.xml, units and terminals of a block (FMI 2.0.5, section 2.2), from the row table of its binary."""
 
 import math
 from collections.abc import Iterator, Mapping

@@ -1,4 +1,4 @@
-"""Run the cases of a set in a tool, and compare its results with the reference."""
+"""Runs of the cases of a set in a tool: results compared with the reference, verdicts as JUnit and as a page."""
 
 from __future__ import annotations
 
@@ -128,14 +128,14 @@ def compare(case: ReferenceCase, output: Path) -> tuple[str, str]:
     if times.size and times.max() > wanted.max() + slack:
         return FAILED, f"it runs to {times.max():.12g} s, and has to end at {wanted.max():.12g} s"
     worst, detail = 0.0, ""
-    for row, t in enumerate(wanted):
+    for place, t in enumerate(wanted):
         if case.call:
-            alike, rows = [row], [row] * int(abs(times[row] - t) <= slack)
+            alike, rows = [place], [place] * int(abs(times[place] - t) <= slack)
         else:
             alike, rows = [*np.flatnonzero(wanted == t)], [*range(*np.searchsorted(times, [t - slack, t + slack]))]
         for name in case.outputs:
             values, right, allowed = found[name], reference[name], bound[name]
-            if right[row] == "":  # not compared
+            if right[place] == "":  # not compared
                 continue
             if not rows:
                 return FAILED, f"its results have no row for {t:.12g} s"

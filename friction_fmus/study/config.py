@@ -1,4 +1,4 @@
-"""Configuration of a study, read from TOML."""
+"""Configuration of a study, read from TOML; settings of a servo may be in the units of its drive."""
 
 import math
 import shlex

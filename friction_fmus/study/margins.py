@@ -1,4 +1,4 @@
-"""Margins of the servo with a compensator, from the loop linearised in sliding and at rest."""
+"""Margins of the servo with a compensator, from the laws and the axis linearised in sliding and at rest."""
 
 from __future__ import annotations
 

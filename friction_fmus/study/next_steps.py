@@ -1,4 +1,4 @@
-"""What to set in the drive and what to measure after a study, in sentences."""
+"""What to set in the drive and what to measure after a study: sentences, and the reference of the next record."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""ComparedForce of the servo as configured with the recorded drive force, before anything is simulated or ranked.
+"""The servo of a record: compared with the recorded drive force before anything is simulated, or estimated from it.
 
 The law of the servo is a function of reference and position, both of which are in the record. Its force for them is
 computed with the FMUs of the servo, in open loop, and compared with the recorded force. No property of the axis enters,
