@@ -15,9 +15,8 @@ from thorough import few, nightly, some
 from friction_fmus.blocks.axis_units import SLIDING
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.blocks.probe import read_variables
-from friction_fmus.fmi.block_units import base_unit
-from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, LawVariable, Unit, block_source
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.fmi.model_description import base_unit
+from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, LawVariable, Unit, block_source, discover_laws
 
 LAWS = discover_laws(laws_folder())
 SOME_LAWS = [law for law in LAWS if law.name in EACH_FEATURE]
