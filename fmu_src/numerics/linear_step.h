@@ -10,8 +10,8 @@
 /* Return z(h) of z' = rate (target - z), with `decay` = rate h >= 0; also exact if decay is tiny or infinite. */
 static inline double relax(double z, double target, double decay) { return z - (target - z) * expm1(-decay); }
 
-/* Return whether all further terms of the series are too small to change the result. Their largest magnitude in a column
-   decreases to less than a sixth from one to the next, and a row of zeros stays one. */
+/* Return whether all further terms of the series are too small to change the result. Their largest magnitude in a
+   column decreases to less than a sixth from one to the next, and a row of zeros stays one. */
 static inline bool all_negligible(int n, const double *term, const double *result, const bool *coupled)
 {
     const int size = n + 2;
