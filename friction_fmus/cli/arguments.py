@@ -82,17 +82,18 @@ def add_system(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("system", type=Path, metavar="SYSTEM", help="system file: .toml or .ssp")
 
 
-def add_target(parser: argparse.ArgumentParser, takes: str) -> None:
-    """Add the choice of the target, and the options of all targets that take an FMU, or a law."""
+def add_target(parser: argparse.ArgumentParser, *takes: str, flag: str = "--target") -> None:
+    """Add the choice among the targets that take an FMU, a law, or others, and the options of all of them."""
     from friction_fmus.export.targets import DEFAULT, targets
 
-    known = targets(takes)
-    listing = "; ".join(f"{name}: {target.summary}" for name, target in known.items())
-    parser.add_argument(
-        "--target", choices=known, default=DEFAULT[takes], help=f"what is written; {listing}; default: {DEFAULT[takes]}"
-    )
+    known = {name: target for each in takes for name, target in targets(each).items()}
+    default = DEFAULT.get(takes[0])
+    text = "; ".join(["what is written", *(f"{name}: {target.summary}" for name, target in known.items())])
+    text += f"; default: {default}" if default else ""
+    parser.add_argument(flag, choices=known, default=default, required=default is None, help=text)
     for option in {option.name: option for target in known.values() for option in target.options}.values():
         kind: dict[str, Any] = {"choices": option.choices} if option.choices else {"action": "store_true"}
+        kind = {"metavar": option.metavar} if option.metavar else kind
         parser.add_argument(f"--{option.name}", help=option.help, default=argparse.SUPPRESS, **kind)
 
 

@@ -6,15 +6,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.conditions.condition import (
-    Condition,
-    Matrix,
-    above,
-    at_most,
-    below,
-    compared,
-    held_mass,
-)
+from friction_fmus.conditions.condition import Condition, Matrix, above, at_most, below, compared, held_mass
 
 Array: TypeAlias = NDArray[np.float64]
 

@@ -30,15 +30,7 @@ from friction_fmus.study.compensators import (
     within_range,
 )
 from friction_fmus.study.config import Compensation
-from friction_fmus.study.evaluation import (
-    BAND,
-    AxisBench,
-    Case,
-    Evaluation,
-    Scheme,
-    cases,
-    evaluate,
-)
+from friction_fmus.study.evaluation import BAND, AxisBench, Case, Evaluation, Scheme, cases, evaluate
 from friction_fmus.study.loop_conditions import loop_conditions
 from friction_fmus.study.margins import margins_of
 from friction_fmus.study.recommendation import (

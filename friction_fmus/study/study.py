@@ -47,20 +47,8 @@ from friction_fmus.study.pictures import over_position, over_velocity, residuals
 from friction_fmus.study.servo_check import CheckedServo, check_servo, estimate_servo
 from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
-from friction_fmus.study.study_files import (
-    Figures,
-    export_models,
-    export_recommended,
-    export_sheet,
-    identified_axes,
-)
-from friction_fmus.study.study_result import (
-    ConditionResult,
-    Recommendation,
-    StudyFinding,
-    StudyResult,
-    WrittenFile,
-)
+from friction_fmus.study.study_files import Figures, export_models, export_recommended, export_sheet, identified_axes
+from friction_fmus.study.study_result import ConditionResult, Recommendation, StudyFinding, StudyResult, WrittenFile
 from friction_fmus.study.trust import (
     NOT_SIMULATED,
     band_of,

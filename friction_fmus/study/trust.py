@@ -24,14 +24,10 @@ from friction_fmus.identification.plant_candidates import SATURATED
 from friction_fmus.listings import shown
 from friction_fmus.study.evaluation import AxisBench
 from friction_fmus.study.margins import path_of
-from friction_fmus.study.model_ranking import (
-    IdentifiedModel,
-)
+from friction_fmus.study.model_ranking import IdentifiedModel
 from friction_fmus.study.next_steps import EXPERIMENT_FILE
 from friction_fmus.study.pictures import driven_friction, load_along
-from friction_fmus.study.study_result import (
-    StudyFinding,
-)
+from friction_fmus.study.study_result import StudyFinding
 
 
 def band_of(records: Sequence[Record], found: IdentifiedModel) -> PlantBand | None:

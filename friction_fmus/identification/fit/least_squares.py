@@ -11,14 +11,7 @@ import numpy as np
 
 from friction_fmus.errors import FitError, did_you_mean
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.fit.axis_terms import (
-    LIMITS,
-    TERMS,
-    VALUES,
-    force_beside,
-    relative_load,
-    sizes_of,
-)
+from friction_fmus.identification.fit.axis_terms import LIMITS, TERMS, VALUES, force_beside, relative_load, sizes_of
 from friction_fmus.identification.fit.contact_model import ContactModel, DataTraits
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, inertia_guess
 from harness import Drive, PartError, StartValueError
