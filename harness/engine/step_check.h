@@ -379,7 +379,7 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
         failed_halves ? INFINITY : difference(e, newton, number, s, whole, halves, jumped || halves_jumped, early);
     *off = fmax(*off, turns ? fmax(found, TURNED) : found);
     newton->guards[number].checks++;
-    if (!failed_halves && !jumped && !halves_jumped && s->to - s->from < 1.0 && (*off <= 1.0 || smallest)) {
+    if (newton->error == 0.0 && !finer && !failed_halves && !jumped && !halves_jumped && s->to - s->from < 1.0 && (*off <= 1.0 || smallest)) {
         *end = last;
         return SOLVED;
     }
