@@ -3,7 +3,8 @@
    halves: at scheduled ticks, and where a value is far from its prediction. If the mean or the end value of a line, or
    an output that is a state, differs by more than `step_tolerance` (0.02) times its magnitude, or the distance along a
    contact by a quarter of that, the step is divided, and the following steps are checked until undivided steps agree
-   with their halves again. A step that passes its check keeps its values bit for bit.
+   with their halves again. An undivided step that passes its check keeps its values bit for bit. In a divided step,
+   newton continues from the halves: what each of many pieces is tolerated would add up.
 
    What follows the start of a run, a jump of an input or a contact that breaks away may be over within a small part of
    the step: the mass swings beyond its new rest and comes to rest elsewhere, which two halves do not show. Such a step
@@ -248,7 +249,7 @@ static double noise_of(const Newton *newton, const Group *g, int64_t output)
 }
 
 /* Measure how much the values at the end of a solved span change if the unknowns do by the tolerance of the loop. */
-static int measure_noise(Engine *e, Newton *newton, const Group *g, const Span *s)
+static int measure_noise(Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s)
 {
     double norm = 0.0;
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
@@ -257,6 +258,7 @@ static int measure_noise(Engine *e, Newton *newton, const Group *g, const Span *
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
             newton->kept_lines[k].noise = fabs(newton->moving[k].u1 - newton->kept_lines[k].u1) / s->h;
+    keep(e, newton, g, number, true);
     return status;
 }
 
@@ -341,9 +343,9 @@ static bool resolves(const Engine *e, const Newton *newton, const Group *g, cons
     return true;
 }
 
-/* Compare a solved span with its halves and raise *off to the difference. In a divided step, the halves, which are more
-   accurate, become the solution if they differ by no more than tolerated or the span is `smallest`, and *end their last
-   piece; but not where a contact stops, as a stop is located in whole spans only. Else the span stays solved. */
+/* Compare a solved span with its halves and raise *off to the difference. Halves in a divided step that differ by no
+   more than tolerated, or of the `smallest` span, become the solution, and *end their last piece; but not where a
+   contact stops, as a stop is located in whole spans only. Else the span stays solved. */
 static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64_t tick, bool anew, bool smallest,
                  double *off, Span *end)
 {
@@ -362,10 +364,9 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
     for (int64_t i = g->state; i < g->state + g->states; i++)
         newton->kept_states[i] = e->signals[newton->states[i].output];
     keep(e, newton, g, number, false);
-    int status = anew && tick == 0 ? measure_noise(e, newton, g, s) : SOLVED;
-    if (status != SOLVED)
+    int status = anew && tick == 0 ? measure_noise(e, newton, g, number, s) : SOLVED;
+    if (status != SOLVED && status != 2)
         return status;
-    keep(e, newton, g, number, true);
     status = solve_pieces(e, newton, number, s, pieces, finer, halves, &halves_jumped, &turns, &last);
     const bool failed_halves = status == NOT_CONVERGED || status == 2;
     if (status != SOLVED && !failed_halves)
@@ -379,7 +380,8 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
         failed_halves ? INFINITY : difference(e, newton, number, s, whole, halves, jumped || halves_jumped, early);
     *off = fmax(*off, turns ? fmax(found, TURNED) : found);
     newton->guards[number].checks++;
-    if (newton->error == 0.0 && !finer && !failed_halves && !jumped && !halves_jumped && s->to - s->from < 1.0 && (*off <= 1.0 || smallest)) {
+    const bool smooth = !finer && !failed_halves && !jumped && !halves_jumped;
+    if (newton->error == 0.0 && smooth && s->to - s->from < 1.0 && (*off <= 1.0 || smallest)) {
         *end = last;
         return SOLVED;
     }
