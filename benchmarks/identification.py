@@ -23,8 +23,8 @@ from friction_fmus import fmu, identify
 from friction_fmus.data import load_tribometer
 from friction_fmus.identification import Record
 from friction_fmus.identification.fit.contact_model import contact_model
-from friction_fmus.identification.fit.grid import coarse, fit_grid
 from friction_fmus.identification.fit.simulation_data import prepare
+from friction_fmus.identification.methods.hysteresis import coarse, fit_grid
 from harness import Drive, FmuPart
 
 NOISE = 0.01  # [N]

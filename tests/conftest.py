@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 from fmpy import read_model_description
-from quick import is_quick, quick_builds
+from quick import options, quick_builds
 from shell.selection import ONE_OF_EACH, built
 from thorough import THOROUGH
 
@@ -84,7 +84,7 @@ def build_fmu(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     def make(name: str, **start: float) -> Path:
         own = own_start_values(name) if start else {}
         changed = {key: value for key, value in start.items() if key not in own or float(own[key]) != value}
-        key = (is_quick(), name, *sorted(changed.items()))
+        key = (options(), name, *sorted(changed.items()))
         if key not in made:
             folder = tmp_path_factory.mktemp("fmus")
             made[key] = build(name, folder, changed) if changed else built(name, folder)

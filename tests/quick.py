@@ -1,6 +1,6 @@
-"""Builds composites of tests with fewer functions inlined: in two thirds of the time, with results of the same bits.
+"""Builds FMUs of tests without optimisation: in a quarter of the time, with results of the same bits.
 
-Each night they are those of users.
+Each night, and in tests of speed and of commands, they are those of users.
 """
 
 from __future__ import annotations
@@ -12,38 +12,53 @@ from pathlib import Path
 import pytest
 from thorough import THOROUGH
 
-from harness.compiling import toolchain
+from harness.compiling import engine_library, toolchain
 
+QUICK = (
+    *("check", "codegen", "composite", "conditions", "every_block", "exchange", "fmi3", "harness"),
+    *("interop", "laws", "modelica", "models", "reference_set", "shell"),
+)
+"""Folders of tests that build without optimisation."""
 PLACES = (
-    *("accuracy", "check", "codegen", "composite", "conditions", "every_block", "exchange", "fmi3", "harness"),
-    *("identification", "interop", "laws", "modelica", "models", "shell", "study"),
+    *("accuracy", "identification", "study"),
     *("slow/fuzzing", "slow/importers", "slow/test_exchange_motions.py", "slow/test_fmi3_calls.py"),
     *("docs/test_site.py", "slow/test_fmi3_of_every_block.py"),
 )
-"""Folders and files of tests that do not measure speed."""
+"""Folders and files of tests that simulate for long or use sanitizers; composites have fewer functions inlined."""
 
-_SECTIONS = toolchain.SECTIONS
+_FOR_USERS = (toolchain.FLAGS, toolchain.SECTIONS)
 
 
-def is_quick() -> bool:
-    """Whether this test builds quickly."""
-    return toolchain.SECTIONS is not _SECTIONS
+def options() -> tuple[tuple[str, ...], ...]:
+    """What this test builds with."""
+    return (toolchain.FLAGS, toolchain.SECTIONS)
 
 
 @contextmanager
 def builds_for_users() -> Iterator[None]:
     """Build as ever."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(toolchain, "SECTIONS", _SECTIONS)
+    with _builds(*_FOR_USERS):
         yield
 
 
 @contextmanager
 def quick_builds(path: Path) -> Iterator[None]:
     """Build quickly in a test of such a file."""
-    if THOROUGH or not any(path.is_relative_to(place) for place in PLACES):
+    flags, sections = _FOR_USERS
+    if any(path.is_relative_to(place) for place in PLACES):
+        sections = (*sections, "-fno-inline-functions")  # flags of object files
+    elif any(path.is_relative_to(place) for place in QUICK):
+        # zig adds checks for undefined behaviour where nothing is optimised
+        flags = (*("-O0" if flag == "-O2" else flag for flag in flags), "-fno-sanitize=undefined")
+    with _builds(*_FOR_USERS) if THOROUGH else _builds(flags, sections):
         yield
-        return
+
+
+@contextmanager
+def _builds(flags: tuple[str, ...], sections: tuple[str, ...]) -> Iterator[None]:
+    if flags is not toolchain.FLAGS:
+        engine_library.library()  # the engine is that of users
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(toolchain, "SECTIONS", (*_SECTIONS, "-fno-inline-functions"))  # flags of object files
+        patch.setattr(toolchain, "FLAGS", flags)
+        patch.setattr(toolchain, "SECTIONS", sections)
         yield

@@ -24,7 +24,7 @@ from fmpy import read_model_description
 from _common import BLACK, BLUE, along, command_line, panels, save
 from friction_fmus import build
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 
 BLOCKS = ("Coulomb", "Stribeck", "Dahl", "LuGre", "ElastoPlastic", "Leuven", "GMS")
 LAWS = ("CoulombFeedforward", "StaticFeedforward", "DahlFeedforward", "LuGreFeedforward", "GMSFeedforward")

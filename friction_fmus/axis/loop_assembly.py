@@ -11,8 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from friction_fmus.axis.drive_filters import CurrentLoop
-from friction_fmus.axis.servo import SHARES, AxisPlant, Compensator, Servo, Trajectory
+from friction_fmus.axis.servo import SHARES, AxisPlant, Compensator, CurrentLoop, Servo, Trajectory
 from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.export.block_fmu import fmu

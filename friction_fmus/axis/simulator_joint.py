@@ -17,8 +17,8 @@ from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.errors import BuildError
 from friction_fmus.export.axis_fit import AxisFit, rms
-from friction_fmus.export.axis_loop import Array
 from friction_fmus.export.block_fmu import fmu
+from friction_fmus.export.identified_axis import Array
 from friction_fmus.export.targets import write_file
 from friction_fmus.listings import shown
 from harness import ExperimentError

@@ -56,7 +56,7 @@ class Use:
     """Parameter for the period of the reference in samples; empty if the reference need not be periodic."""
     rule: str = ""  # further condition on the loop, a key of `friction_fmus.study.loop_conditions.RULES`
     linear: str = ""
-    """For an estimator in C: the function of `friction_fmus.study.linear_laws` that returns its linear part."""
+    """For an estimator in C: the function of `friction_fmus.study.margins` that returns its linear part."""
 
     def __post_init__(self) -> None:
         """Raise an error for an unknown kind or a text that is not an expression."""

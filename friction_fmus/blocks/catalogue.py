@@ -205,8 +205,7 @@ def read_c_block(path: Path, kind: str) -> Block:
 
 def _read_laws(path: Path) -> list[Block]:
     require("casadi", "a law in a Python file needs it")
-    from friction_fmus.lawkit.law import block_source
-    from friction_fmus.lawkit.law_files import discover_laws
+    from friction_fmus.lawkit.law import block_source, discover_laws
 
     return [
         Block(
@@ -294,7 +293,7 @@ def about_of(entry: Entry) -> About:
     """Return the declarations in a block's file, without translating a law to C."""
     if entry.path.suffix != ".py":
         return _known_c_block(entry.path, entry.kind).about
-    from friction_fmus.lawkit.law_files import discover_laws
+    from friction_fmus.lawkit.law import discover_laws
 
     return next(law.about for law in discover_laws(entry.path) if law.name == entry.name)
 
@@ -350,8 +349,7 @@ def with_room(block: Block, start: Mapping[str, Any]) -> Block:
         return replace(block, code=with_long_arrays(block.code, block.name, start))
     if not start:
         return block
-    from friction_fmus.lawkit.law import block_source
-    from friction_fmus.lawkit.law_files import discover_laws
+    from friction_fmus.lawkit.law import block_source, discover_laws
 
     law = next(law for law in discover_laws(block.path) if law.name == block.name)
     grown = law.with_room(start)

@@ -18,8 +18,7 @@ from friction_fmus.lawkit.emit.branches import Weight, in_pairs, positions, roun
 from friction_fmus.lawkit.emit.c_text import Kernel, Lows, Real, kernel
 from friction_fmus.lawkit.emit.names import Named
 from friction_fmus.lawkit.emit.operations import CONDITIONS, LIBM, Node, graph
-from friction_fmus.lawkit.law import ANGLE, BOOLEANS, LENGTH, NO_UNIT, VECTORS, Kind, Law, LawVariable
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import ANGLE, BOOLEANS, LENGTH, NO_UNIT, VECTORS, Kind, Law, LawVariable, discover_laws
 
 NONE: Mapping[int, str] = MappingProxyType({})
 

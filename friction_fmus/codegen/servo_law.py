@@ -12,8 +12,8 @@ from typing import Any, Final, TypeAlias
 import tomli_w
 from casadi import SX, Function, exp, if_else, symvar, tan
 
-from friction_fmus.axis.drive_filters import BUTTERWORTH
 from friction_fmus.axis.position_map import Grid, PositionMap
+from friction_fmus.axis.servo import BUTTERWORTH
 from friction_fmus.blocks.axis_units import words_of
 from friction_fmus.blocks.block_declarations import About
 from friction_fmus.blocks.catalogue import find
@@ -450,7 +450,7 @@ class _Loop:
         return v
 
     def _filtered(self, v: SX, begun: SX) -> SX:
-        """Return a velocity behind the low-pass filter, in direct form II transposed; see `drive_filters`."""
+        """Return a velocity behind the low-pass filter, in direct form II transposed; see `filtered`."""
         text, order = "cut-off frequency of the low-pass filter of v", self._loop.filter_order
         cutoff = self._declared("filter_cutoff", Parameter(FREQUENCY, self._loop.filter_cutoff, text, min=1e-9))
         keep, q = exp(-2.0 * pi * cutoff * self._Ts), 1.0 / tan(pi * cutoff * self._Ts)

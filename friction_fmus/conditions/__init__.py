@@ -5,9 +5,15 @@ why, and what to change. A study evaluates them for the loop of an axis, see doc
 """
 
 from .chain import DrivenPlant, PathDynamics, SampledLaw, chain, loop_poles, on_bristles, one_mass, two_masses
-from .compensation import break_away, fed_back_stiffness, overcompensation
+from .compensation import (
+    break_away,
+    contraction,
+    fed_back_stiffness,
+    learning_filter,
+    overcompensation,
+    sampled_sensitivity,
+)
 from .condition import Condition
-from .learning import contraction, learning_filter, sampled_sensitivity
 from .position_loop import (
     closed_loop,
     dither_stroke,

@@ -158,9 +158,9 @@ def below(value: float, bound: float, scale: float = 0.0) -> bool:
     return above(bound, value, scale)
 
 
-def at_least(value: float, bound: float, scale: float = 0.0) -> bool:
+def at_least(value: float, bound: float) -> bool:
     """Return whether a value is above a bound, or equal to it within rounding errors."""
-    return not (math.isnan(value) or math.isnan(bound) or below(value, bound, scale))
+    return not (math.isnan(value) or math.isnan(bound) or below(value, bound))
 
 
 def at_most(value: float, bound: float, scale: float = 0.0) -> bool:

@@ -11,9 +11,8 @@ from scipy.optimize import lsq_linear
 
 from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.errors import BuildError
-from friction_fmus.export.axis_loop import Array, ReferenceMotion
 from friction_fmus.export.block_fmu import fmu
-from friction_fmus.export.identified_axis import IdentifiedAxis
+from friction_fmus.export.identified_axis import Array, IdentifiedAxis, ReferenceMotion
 from harness import Experiment, FmuPart, SeriesPart, System
 from harness.run import Session
 

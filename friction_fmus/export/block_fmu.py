@@ -14,25 +14,37 @@ from zipfile import ZipFile
 from friction_fmus.blocks.catalogue import (
     PACKAGE,
     Block,
+    drawn,
     find,
     icon_files,
+    licence_text,
     listing,
     source_folder,
     with_room,
 )
 from friction_fmus.blocks.customise import Start, identified, renamed, rotational, with_start_values
-from friction_fmus.blocks.probe import BlockVariables, read_variables
+from friction_fmus.blocks.probe import (
+    FIXED,
+    INPUT,
+    PARAMETER,
+    STATE,
+    BlockVariables,
+    Description,
+    describe,
+    read_variables,
+)
 from friction_fmus.errors import BuildError
 from friction_fmus.export.targets import Compiling, SourceFmu, choose_target, write_file
 from friction_fmus.version import VERSION, build_time
 from harness.compiling import toolchain
-from harness.compiling.platforms import NATIVE, native_library, select
+from harness.compiling.platforms import NATIVE, compiled, native_library, select
 from harness.storage.files import ScratchFolder, cached, read_source, reason
-from harness.storage.zip_file import find_outside
+from harness.storage.zip_file import find_outside, zipped
 from harness.units import in_unit
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
 
 SHIPPED = PACKAGE / "fmus"  # folder of the FMUs for all platforms in an installed package; a checkout has none
 
@@ -126,8 +138,6 @@ def block_source(
     sources = identified(_sources(block, files or {}), identifier)
 
     def make() -> bytes:
-        from friction_fmus.export.block_contents import assemble  # its libraries are not needed for one in the cache
-
         if compiling:
             compiling(NATIVE.folder, 0)
         return assemble(block, sources)
@@ -305,3 +315,49 @@ def _hash(texts: Iterable[str]) -> str:
     for text in texts:
         digest.update(text.encode() + b"\0")
     return digest.hexdigest()
+
+
+def assemble(block: Block, sources: Mapping[str, str]) -> bytes:
+    """Return the FMU for this machine: library, model description, documentation and terminals."""
+    from friction_fmus.fmi.documentation import index_page  # not needed for an FMU in the cache
+    from friction_fmus.fmi.model_description import model_description, terminals, terminals_and_icons
+
+    place = f"binaries/{NATIVE.folder}/{block.name}{NATIVE.suffix}"
+    members = {f"sources/{name}": text.encode() for name, text in sources.items()}
+    members[place] = compiled(NATIVE, sources, block.name)
+    with ScratchFolder() as folder:
+        native = Path(folder) / f"{block.name}{NATIVE.suffix}"
+        native.write_bytes(members[place])
+        description = describe(native, computed(block))
+    _check_start_values(block, description)
+    connected = terminals(description)
+    icons = {"icon": icon_files(block), **{each.shape: drawn(each.shape) for each in connected}}
+    for name, files in icons.items():
+        members |= {f"terminalsAndIcons/{name}{file.suffix}": file.read_bytes() for file in files}
+    members |= {
+        "modelDescription.xml": model_description(block, description, block.name),
+        "model.png": members["terminalsAndIcons/icon.png"],
+        "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(connected),
+        "documentation/licenses/license.txt": licence_text().encode(),
+        "documentation/index.html": index_page(block, description).encode(),
+    }
+    return zipped(members, build_time())
+
+
+def _check_start_values(block: Block, description: Description) -> None:
+    for v in description.variables:
+        if v.role in (INPUT, PARAMETER, FIXED, STATE) and not v.min <= v.start <= v.max:
+            raise BuildError(
+                f"The start value {v.name} = {v.start:g} of {block.name} lies outside "
+                f"[{v.min:g}, {v.max:g}]; choose a value inside"
+            )
+
+
+def computed(block: Block) -> dict[str, tuple[str, ...]]:
+    """Return the dependencies of a law's outputs as casadi finds them; empty for other blocks."""
+    if not block.is_law:
+        return {}
+    from friction_fmus.lawkit.law import Kind, discover_laws
+
+    (law,) = discover_laws(block.path)
+    return {variable.name: law.dependencies(variable.name) for variable in law.select(Kind.OUTPUT)}

@@ -12,8 +12,7 @@ import numpy as np
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.errors import BuildError
 from friction_fmus.export.axis_fit import AxisFit
-from friction_fmus.export.axis_loop import Array
-from friction_fmus.export.identified_axis import IdentifiedAxis
+from friction_fmus.export.identified_axis import Array, IdentifiedAxis
 from friction_fmus.export.targets import write_file
 from friction_fmus.listings import shown
 from harness.storage.files import atomic_path

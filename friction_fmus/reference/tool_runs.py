@@ -1,22 +1,26 @@
-"""Run the cases of a set in a tool, and compare its results with the reference."""
+"""Runs of the cases of a set in a tool: results compared with the reference, verdicts as JUnit and as a page."""
 
 from __future__ import annotations
 
 import math
 import os
+import re
 import shlex
 import signal
 import subprocess
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 from typing import Any, Final
 
 import numpy as np
+from lxml import etree
 
 from friction_fmus.errors import FrictionError
+from friction_fmus.export.targets import write_file
+from friction_fmus.fmi.html_page import STYLE, row, table
 from friction_fmus.reference.case import BOUND, INPUTS, REFERENCE, ReferenceCase
 from harness.storage.files import read_csv, reason
 
@@ -124,14 +128,14 @@ def compare(case: ReferenceCase, output: Path) -> tuple[str, str]:
     if times.size and times.max() > wanted.max() + slack:
         return FAILED, f"it runs to {times.max():.12g} s, and has to end at {wanted.max():.12g} s"
     worst, detail = 0.0, ""
-    for row, t in enumerate(wanted):
+    for place, t in enumerate(wanted):
         if case.call:
-            alike, rows = [row], [row] * int(abs(times[row] - t) <= slack)
+            alike, rows = [place], [place] * int(abs(times[place] - t) <= slack)
         else:
             alike, rows = [*np.flatnonzero(wanted == t)], [*range(*np.searchsorted(times, [t - slack, t + slack]))]
         for name in case.outputs:
             values, right, allowed = found[name], reference[name], bound[name]
-            if right[row] == "":  # not compared
+            if right[place] == "":  # not compared
                 continue
             if not rows:
                 return FAILED, f"its results have no row for {t:.12g} s"
@@ -154,3 +158,51 @@ def _ratio(value: str, right: str, bound: str) -> float:
         return 0.0 if value == right else math.inf
     error = abs(number - expected)
     return 0.0 if error == 0.0 else error / allowed if allowed > 0.0 and math.isfinite(error) else math.inf
+
+
+COLOURS: Final = """
+.passed { background: #00c80026; }
+.inaccurate { background: #e6c80040; }
+.failed { background: #ff000026; }
+@media (prefers-color-scheme: dark) {
+  :root { color-scheme: dark; }
+  body { color: #e6e6e6; }
+  caption { color: #b0b0b0; }
+}
+"""
+
+
+def write_junit(verdicts: Sequence[Verdict], tool: str, folder: Path) -> None:
+    """Write the verdicts of a tool to the folder of its results."""
+    suite = etree.Element("testsuite", name=f"reference set in {tool}", tests=str(len(verdicts)))
+    suite.set("failures", str(sum(verdict.state in (FAILED, INACCURATE) for verdict in verdicts)))
+    suite.set("skipped", str(sum(verdict.state == UNSUPPORTED for verdict in verdicts)))
+    for verdict in verdicts:
+        test = etree.SubElement(suite, "testcase", classname=tool, name=verdict.case, time=f"{verdict.seconds:.3f}")
+        detail = "".join(letter if letter.isprintable() else " " for letter in f"{verdict.state}: {verdict.detail}")
+        kind = {PASSED: "system-out", UNSUPPORTED: "skipped"}.get(verdict.state, "failure")
+        etree.SubElement(test, kind, {} if kind == "system-out" else {"message": detail}).text = detail
+    write_file(etree.tostring(suite, xml_declaration=True, encoding="UTF-8", pretty_print=True), folder / "junit.xml")
+
+
+def read_junit(folder: Path) -> dict[str, dict[str, str]]:
+    """Return the verdicts of each tool in a set, by case, each as one text that begins with the state."""
+    files = sorted((folder / "results").glob("*/junit.xml"))
+    return {
+        file.parent.name: {str(test.get("name")): str(test[0].text) for test in etree.parse(file).iter("testcase")}
+        for file in files
+    }
+
+
+def write_page(cases: Sequence[ReferenceCase], folder: Path) -> Path:
+    """Write the table of all cases and all tools that were run on a set."""
+    tools = read_junit(folder)
+    rows = [row(case.name, case.title, *(found.get(case.name, "") for found in tools.values())) for case in cases]
+    body = table("Cases and tools", ("case", "title", *tools), "".join(rows))
+    body = re.sub(f"<td>({PASSED}|{INACCURATE}|{FAILED}|{UNSUPPORTED}): ", r'<td class="\1"><b>\1</b><br>', body)
+    body = re.sub(r'<th scope="row">(\w+)', r'<th scope="row"><a href="../\1/README.md">\1</a>', body)
+    title, path = "Reference set for tools that import FMUs", folder / "results" / "index.html"
+    head = f'<head>\n<meta charset="utf-8">\n<title>{title}</title>\n<style>{STYLE}{COLOURS}</style>\n</head>'
+    page = f'<!DOCTYPE html>\n<html lang="en">\n{head}\n<body>\n<h1>{title}</h1>\n{body}</body>\n</html>\n'
+    write_file(page, path)
+    return path

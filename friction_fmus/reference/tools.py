@@ -14,8 +14,7 @@ import numpy as np
 from fmpy import simulation
 from fmpy.ssp.simulation import simulate_ssp
 
-from friction_fmus.reference.calls import run_calls
-from friction_fmus.reference.case import INPUTS, ReferenceCase, read_case
+from friction_fmus.reference.case import INPUTS, ReferenceCase, read_case, run_calls
 from friction_fmus.reference.tool_runs import SKIPPED, read_results
 from harness import FmuPart, Part, SeriesPart, System, save_result
 

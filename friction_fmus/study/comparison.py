@@ -179,7 +179,7 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
     """Compare the compensators on an axis."""
     servo, motion = bench.servo, bench.trajectory.motion
     alone = margins_of(servo, bench.plant, bench.speed)
-    builds = [Step(f"fmu-{name}", built, (name, known.rotary), Built) for name in buildable(wanted.compensators)]
+    builds = [Step(f"fmu-{name}", built, (name, known.rotary), str) for name in buildable(wanted.compensators)]
     unbounded = bench, [Scheme(servo, margins=alone)], (), False
     first, *_ = run([Step("servo-alone", evaluate, unbounded, Evaluation), *builds])
     if first.metrics is None:
@@ -335,17 +335,10 @@ def clear(bench: AxisBench, value: float, bound: float) -> bool:
     return not np.isfinite(both) or both <= 0.0 or max(value / bound, bound / value) > CLEAR + bench.unexplained
 
 
-@dataclass(frozen=True)
-class Built:
-    """Block whose FMU is in the cache."""
-
-    name: str
-
-
-def built(name: str, rotary: bool) -> Built:
+def built(name: str, rotary: bool) -> str:
     """Build the FMU of a law, if it is not in the cache, so that several processes share this work."""
     block(name, rotary)
-    return Built(name)
+    return name
 
 
 def tuned(

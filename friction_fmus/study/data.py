@@ -11,8 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from friction_fmus.axis.drive_filters import CurrentLoop, filtered
-from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
+from friction_fmus.axis.servo import AxisPlant, CurrentLoop, Servo, Trajectory, filtered
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.data import EMPS_PUBLISHED, load_emps, load_tribometer

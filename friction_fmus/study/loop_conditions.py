@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from friction_fmus import conditions
-from friction_fmus.axis.drive_filters import coefficients
 from friction_fmus.axis.loop_assembly import with_friction
-from friction_fmus.axis.servo import AxisPlant, Compensator, Servo
+from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, coefficients
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.block_declarations import Use
 from friction_fmus.blocks.catalogue import find
@@ -24,8 +23,7 @@ from friction_fmus.conditions import Condition
 from friction_fmus.conditions.condition import above, first_largest, remainder, spectral_radius
 from friction_fmus.errors import FrictionError
 from friction_fmus.study.evaluation import AxisBench, Scheme
-from friction_fmus.study.linear_laws import named
-from friction_fmus.study.margins import driven, laws_of, path_of, sliding, viscous_beside, with_starts
+from friction_fmus.study.margins import driven, laws_of, named, path_of, sliding, viscous_beside, with_starts
 
 Array = NDArray[np.float64]
 

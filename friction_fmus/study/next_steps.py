@@ -1,17 +1,22 @@
-"""What to set in the drive and what to measure after a study, in sentences."""
+"""What to set in the drive and what to measure after a study: sentences, and the reference of the next record."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
+
+import numpy as np
 
 from friction_fmus.axis.loop_assembly import with_friction
 from friction_fmus.axis.servo import GAINS
 from friction_fmus.blocks.axis_units import Words
-from friction_fmus.identification import AxisUnits
+from friction_fmus.identification import Array, AxisUnits
 from friction_fmus.listings import shown
 from friction_fmus.study.comparison import Comparison
 from friction_fmus.study.evaluation import AxisBench, Scheme
 from friction_fmus.study.recommendation import AS_MEASURED, improves
 from friction_fmus.study.study_result import CompensatorResult, ModelResult, Rung
+from harness.storage.files import atomic_path
 
 LATE: Final = 0.01  # relative difference of the feedforward from the mass of the axis that is explained
 SENSITIVE = 1.5  # factor by which the error rises in a case that is worth a measurement
@@ -112,3 +117,49 @@ def _weak(row: CompensatorResult, models: Mapping[str, ModelResult]) -> Iterator
     if model is not None and weak:
         names = " and ".join(parameter.name for parameter in weak)
         yield f"The record determines {names} of {model.name} poorly ({weak[0].name}: {weak[0].weak})."
+
+
+EXPERIMENT_FILE: Final = "next_experiment.csv"
+DURATION: Final = 20.0  # [s]
+SLOW: Final = 4  # periods of the slow motion
+BAND: Final = (0.5, 10.0)  # band of the chirp, in natural frequencies of the position loop
+HIGHEST: Final = 0.1  # highest frequency divided by the sample rate
+FORCE: Final = 0.3  # inertia force of the chirp over what friction leaves of the force limit
+TRAVEL: Final = 0.5  # amplitude of the slow motion, and largest one of the chirp, in parts of half the travel
+
+
+@dataclass(frozen=True, eq=False)
+class NextExperiment:
+    """Reference of the experiment."""
+
+    t: Array
+    r: Array
+    """Time [s] and reference [m or rad], which begins and ends at rest in the middle of the recorded travel."""
+    band: tuple[float, float]  # first and last frequency of the chirp [Hz]
+
+
+def next_experiment(bench: AxisBench, level: float) -> NextExperiment:
+    """Return a logarithmic chirp of constant acceleration on a slow sine, within force limit and recorded travel."""
+    Ts, natural = bench.servo.Ts, bench.bandwidth / (2.0 * np.pi)
+    low, high = BAND[0] * natural, min(BAND[1] * natural, HIGHEST / Ts)
+    t = Ts * np.arange(round(DURATION / Ts) + 1.0)
+    rate = np.log(high / low) / DURATION
+    frequency = low * np.exp(rate * t)
+    phase = 2.0 * np.pi * (frequency - low) / rate
+    half = 0.5 * TRAVEL * float(np.ptp(bench.r))
+    left = max(bench.servo.force_limit - level - abs(bench.plant.offset), 0.0)
+    acceleration = min(FORCE * left / bench.plant.mass, half * (2.0 * np.pi * low) ** 2)
+    fade = np.sin(np.pi * np.clip(np.minimum(t, DURATION - t) * low, 0.0, 0.5)) ** 2  # two periods at either end
+    slow = 0.5 * half * (1.0 - np.cos(2.0 * np.pi * SLOW / DURATION * t))
+    middle = 0.5 * float(np.min(bench.r) + np.max(bench.r))
+    r = middle + slow + fade * acceleration / (2.0 * np.pi * frequency) ** 2 * np.sin(phase)
+    return NextExperiment(t, r, (low, high))
+
+
+def write_experiment(folder: Path, found: NextExperiment, unit: str) -> Path:
+    """Write time and reference as CSV with units in the heading; return the file."""
+    path = folder / EXPERIMENT_FILE
+    rows = np.column_stack([found.t, found.r])
+    with atomic_path(path) as temporary:
+        np.savetxt(temporary, rows, fmt="%.9g", delimiter=",", header=f"t [s],reference [{unit}]", comments="")
+    return path

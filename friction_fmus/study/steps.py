@@ -36,10 +36,10 @@ rebuild: Final = _CONVERTER.structure
 
 @dataclass(frozen=True)
 class Step:
-    """Step of a study: call of a module-level function that returns a dataclass."""
+    """Step of a study: call of a module-level function that returns a dataclass or a text."""
 
     name: str  # name, part of the file name
-    function: Callable[..., Any]  # function that returns a dataclass
+    function: Callable[..., Any]
     arguments: tuple[Any, ...]
     """Arguments: numbers, strings, arrays, paths, and mappings, sequences and dataclasses of them. For a path, the
     content of the file enters the key."""

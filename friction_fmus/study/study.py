@@ -42,11 +42,9 @@ from friction_fmus.study.model_ranking import (
     refine,
     without_unknown_static_friction,
 )
-from friction_fmus.study.next_experiment import EXPERIMENT_FILE, next_experiment, write_experiment
-from friction_fmus.study.next_steps import next_steps
+from friction_fmus.study.next_steps import EXPERIMENT_FILE, next_experiment, next_steps, write_experiment
 from friction_fmus.study.pictures import over_position, over_velocity, residuals, series
-from friction_fmus.study.servo_check import CheckedServo, check_servo
-from friction_fmus.study.servo_estimate import estimate_servo
+from friction_fmus.study.servo_check import CheckedServo, check_servo, estimate_servo
 from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.study_files import (

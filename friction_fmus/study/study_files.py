@@ -24,9 +24,8 @@ from friction_fmus.codegen.law_export import export_law
 from friction_fmus.codegen.layout import law_of
 from friction_fmus.codegen.servo_law import LAWS, LOOP_FILE, SHARED, LoopFile, LoopLaw, loop_text
 from friction_fmus.errors import BuildError
-from friction_fmus.export.axis_loop import AxisLoop
 from friction_fmus.export.block_fmu import build
-from friction_fmus.export.identified_axis import IdentifiedAxis, in_folder
+from friction_fmus.export.identified_axis import AxisLoop, IdentifiedAxis, in_folder
 from friction_fmus.export.targets import generic, write_file
 from friction_fmus.identification import Record
 from friction_fmus.identification.result_files import identified_axis

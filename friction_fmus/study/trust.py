@@ -27,7 +27,7 @@ from friction_fmus.study.margins import path_of
 from friction_fmus.study.model_ranking import (
     IdentifiedModel,
 )
-from friction_fmus.study.next_experiment import EXPERIMENT_FILE
+from friction_fmus.study.next_steps import EXPERIMENT_FILE
 from friction_fmus.study.pictures import driven_friction, load_along
 from friction_fmus.study.study_result import (
     StudyFinding,

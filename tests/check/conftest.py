@@ -18,9 +18,9 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
     def compile_it(definition: str = "IN_ORDER", source: str = "faulty.c") -> bytes:
         if (definition, source) not in made:
             path = tmp_path_factory.mktemp("faulty") / "faulty.so"
-            flags = ["-std=gnu99", "-O1", "-shared", "-fPIC", f"-I{toolchain.header_folder()}", f"-D{definition}"]
-            command = [*toolchain.compiler(), *flags, "-Wl,-z,lazy", str(HERE / source), "-o", str(path), "-lm"]
-            subprocess.run(command, check=True, timeout=300)
+            flags = ["-std=gnu99", "-O0", "-fno-sanitize=undefined", "-shared", "-fPIC", "-Wl,-z,lazy"]
+            flags += [f"-D{definition}", f"-I{toolchain.header_folder()}", str(HERE / source), "-o", str(path), "-lm"]
+            subprocess.run([*toolchain.compiler(), *flags], check=True, timeout=300)
             made[definition, source] = path.read_bytes()
         return made[definition, source]
 

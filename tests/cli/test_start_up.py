@@ -18,7 +18,7 @@ import friction_fmus.identification
 import harness
 from friction_fmus.blocks.catalogue import OWN_BLOCKS, Entry, catalogue, listing
 from friction_fmus.blocks.law_summaries import law_paths, read_headings
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = sorted(path.stem for path in (ROOT / "friction_fmus" / "cli" / "commands").glob("[!_]*.py"))

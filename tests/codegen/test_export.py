@@ -19,7 +19,7 @@ from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.codegen import CORES, emulation, export_law, law_export, measure
 from friction_fmus.codegen.law_export import make_export
 from friction_fmus.errors import FrictionError, UnknownNameError
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 from harness import OutputError
 from harness.compiling import toolchain
 

@@ -18,8 +18,7 @@ from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.codegen.emulation import samples
 from friction_fmus.codegen.law_export import make_export
 from friction_fmus.codegen.layout import STATES
-from friction_fmus.lawkit.law import Kind
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import Kind, discover_laws
 
 LAWS = [law.name for law in discover_laws(laws_folder())]
 SAMPLES = 20_000 if THOROUGH else 3_000

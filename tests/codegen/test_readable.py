@@ -15,7 +15,7 @@ from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.codegen.law_export import make_export
 from friction_fmus.codegen.layout import equations_of, numbered
 from friction_fmus.codegen.sources import header, implementation
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 from friction_fmus.lawkit.results import labelled
 
 LAWS = [law.name for law in discover_laws(laws_folder())]

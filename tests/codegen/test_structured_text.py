@@ -33,8 +33,7 @@ from friction_fmus.codegen.servo_law import LoopFile, loop_text
 from friction_fmus.codegen.sources import header, implementation, table_header, table_source
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.emit.structured_text import KEYWORDS, functions
-from friction_fmus.lawkit.law import BOOLEANS, PARAMETERS, VECTORS, LawVariable
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import BOOLEANS, PARAMETERS, VECTORS, LawVariable, discover_laws
 
 LAWS = [law.name for law in discover_laws(laws_folder())]
 CHOSEN = ("ElastoPlasticEstimator",)

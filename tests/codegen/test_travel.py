@@ -22,8 +22,7 @@ from benchmarks.law_runs import LawC, compile_, rows_of
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.codegen.law_export import ACCURACY, TRAVEL, make_export, readme
 from friction_fmus.lawkit.emit.operations import graph
-from friction_fmus.lawkit.law import Kind
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import Kind, discover_laws
 from friction_fmus.lawkit.parts.expressions import stribeck_level
 
 N = 4_000

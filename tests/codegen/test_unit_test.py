@@ -26,8 +26,7 @@ from friction_fmus.codegen.unit_test import unit_test
 from friction_fmus.codegen.vectors import N, vectors
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.declarations import PARAMETERS
-from friction_fmus.lawkit.law import BOOLEANS
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import BOOLEANS, discover_laws
 from harness.compiling import toolchain
 
 LAWS = [law.name for law in discover_laws(laws_folder())]

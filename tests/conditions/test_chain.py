@@ -21,9 +21,8 @@ from friction_fmus.conditions import (
 )
 from friction_fmus.conditions.chain import loop_margins, open_loop
 from friction_fmus.conditions.condition import spectral_radius
-from friction_fmus.lawkit.law import Kind
-from friction_fmus.lawkit.law_files import discover_laws
-from friction_fmus.study.linear_laws import linearised, local_function
+from friction_fmus.lawkit.law import Kind, discover_laws
+from friction_fmus.study.margins import linearised, local_function
 
 KNOWN_LAWS = {law.name: law for law in discover_laws(laws_folder())}
 TS, FINE = 1e-3, 20

@@ -28,7 +28,7 @@ from friction_fmus.conditions import (
     steepest_fall,
     stick_slip_free,
 )
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 
 
 def discretised(m: float, damping: float, Ts: float) -> tuple[np.ndarray, np.ndarray]:

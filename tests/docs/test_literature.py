@@ -15,7 +15,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"

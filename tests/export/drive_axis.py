@@ -12,8 +12,7 @@ import numpy as np
 
 from friction_fmus.axis.position_map import gravity_map
 from friction_fmus.axis.servo_loop import accurate, closed_loop
-from friction_fmus.export.axis_loop import AxisLoop
-from friction_fmus.export.identified_axis import IdentifiedAxis
+from friction_fmus.export.identified_axis import AxisLoop, IdentifiedAxis
 from friction_fmus.listings import plain
 from friction_fmus.study.evaluation import AxisBench, Scheme, evaluate
 from friction_fmus.study.study_files import with_tracking_error

@@ -16,8 +16,7 @@ from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.cli.main import main
 from friction_fmus.errors import BuildError
 from friction_fmus.export.axis_fit import AxisFit
-from friction_fmus.export.axis_loop import ReferenceMotion
-from friction_fmus.export.identified_axis import IdentifiedAxis, read_axis
+from friction_fmus.export.identified_axis import IdentifiedAxis, ReferenceMotion, read_axis
 from friction_fmus.export.targets import generic, minas, omron_1s, sinumerik, targets, tf5200
 from harness.errors import UnitError
 

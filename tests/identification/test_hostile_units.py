@@ -18,7 +18,7 @@ from pyarrow import parquet
 from thorough import THOROUGH, few, nightly
 
 from friction_fmus.errors import FrictionError
-from friction_fmus.fmi.block_units import base_unit
+from friction_fmus.fmi.model_description import base_unit
 from friction_fmus.identification import RecordError, read_measurement
 from friction_fmus.identification.data.record import parse_quantity, unit_of
 from harness import BaseUnit

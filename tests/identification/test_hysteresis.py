@@ -13,8 +13,8 @@ from friction_fmus import identify
 from friction_fmus.data import load_tribometer
 from friction_fmus.identification import FitError, Identification, Record
 from friction_fmus.identification.fit.contact_model import contact_model
-from friction_fmus.identification.fit.grid import HysteresisGrid, coarse, fit_grid
 from friction_fmus.identification.fit.simulation_data import prepare
+from friction_fmus.identification.methods.hysteresis import HysteresisGrid, coarse, fit_grid
 
 STEP = 1e-3
 STIFFNESS = np.array([4e4, 2e4, 1e4])

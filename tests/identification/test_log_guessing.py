@@ -13,7 +13,7 @@ from thorough import nightly
 
 from friction_fmus.__main__ import main
 from friction_fmus.blocks.axis_units import ROTARY, units_of_channels
-from friction_fmus.cli.identification_tables import read_asking
+from friction_fmus.cli.axis_tables import read_asking
 from friction_fmus.errors import AmbiguousColumnsError
 from friction_fmus.identification import DataMapping, Measurement, RecordError, read_measurement
 from friction_fmus.identification.fit.first_look import first_look

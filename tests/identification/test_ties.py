@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from friction_fmus.identification.fit.estimate import dependent_columns
-from friction_fmus.identification.fit.grid import HysteresisGrid, with_count
 from friction_fmus.identification.fit.search import SearchResult, covariance
+from friction_fmus.identification.methods.hysteresis import HysteresisGrid, with_count
 from friction_fmus.study.recommendation import extremes, rank
 from friction_fmus.study.study_result import CompensatorResult, Corner, Metrics
 

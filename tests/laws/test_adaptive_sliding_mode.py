@@ -12,7 +12,7 @@ from observer_loops import follow, rms_error, run
 from thorough import nightly
 
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 
 LAW = next(law for law in discover_laws(laws_folder()) if law.name == "AdaptiveSlidingMode")
 BuildFmu = Callable[..., Path]

@@ -27,8 +27,7 @@ from friction_fmus.codegen.law_export import make_export, readme
 from friction_fmus.codegen.servo_law import LoopFile, LoopLaw, loop_text
 from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.lawkit.declarations import PARAMETERS
-from friction_fmus.lawkit.law import Kind, Law
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import Kind, Law, discover_laws
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 TRACKING = [name for name, law in LAWS.items() if any(v.name == "u_track" for v in law.variables)]

@@ -13,8 +13,7 @@ from friction_fmus.blocks.probe import FIXED, PARAMETER
 from friction_fmus.errors import FrictionError
 from friction_fmus.export.block_fmu import describe_block
 from friction_fmus.lawkit.declarations import PARAMETERS
-from friction_fmus.lawkit.law import Law
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import Law, discover_laws
 from friction_fmus.study.config import parse_config
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}

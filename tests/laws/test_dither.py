@@ -12,7 +12,7 @@ from scipy.signal import sawtooth, square
 from thorough import some
 
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 from harness import CallablePart, FmuPart, System
 
 DITHER = next(law for law in discover_laws(laws_folder()) if law.name == "Dither")

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from thorough import some
 
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 
 LAW = next(law for law in discover_laws(laws_folder()) if law.name == "ElastoPlasticEstimator")
 BuildFmu = Callable[..., Path]

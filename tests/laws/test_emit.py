@@ -20,8 +20,7 @@ from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.emit.c_text import DOUBLE, FLOAT, kernel
 from friction_fmus.lawkit.emit.operations import OPERATIONS, graph
-from friction_fmus.lawkit.law import Kind, block_source
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import Kind, block_source, discover_laws
 
 LAWS = discover_laws(laws_folder())
 SOME_LAWS = [law for law in LAWS if law.name in EACH_FEATURE]
@@ -329,7 +328,7 @@ def texts_of_another_process():
     paths = [str(law.path) for law in LAWS]
     script = (
         "import json\nfrom friction_fmus.lawkit.law import block_source\n"
-        "from friction_fmus.lawkit.law_files import discover_laws\n"
+        "from friction_fmus.lawkit.law import discover_laws\n"
         f"print(json.dumps({{path: block_source(discover_laws(path)[0]) for path in {paths!r}}}))"
     )
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

@@ -12,8 +12,7 @@ from scipy.signal import cont2discrete
 from thorough import nightly, some
 
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.lawkit.law import Kind, Law
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import Kind, Law, discover_laws
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 KALMAN, PREDICTIVE, OBSERVER = LAWS["KalmanFriction"], LAWS["PredictiveFilter"], LAWS["DisturbanceObserver"]

@@ -11,7 +11,7 @@ import pytest
 from observer_loops import follow, rms_error, run
 
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 
 LAW = next(law for law in discover_laws(laws_folder()) if law.name == "ExtendedStateObserver")
 STATES = ("x_hat", "v_hat", "F_est")

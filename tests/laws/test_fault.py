@@ -15,7 +15,7 @@ from thorough import some
 from friction_fmus import build
 from friction_fmus.blocks.catalogue import catalogue, laws_folder
 from friction_fmus.errors import FrictionError
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 from harness import CallablePart, FmuPart, System, Wire
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}

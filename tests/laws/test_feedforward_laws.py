@@ -19,8 +19,7 @@ from shell.instance import Instance, Library, load
 from thorough import few, nightly, some
 
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.lawkit.law import VECTORS, Kind, Law
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import VECTORS, Kind, Law, discover_laws
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 TS = 2.0**-10

@@ -18,7 +18,7 @@ from thorough import few, nightly
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.data import load_tribometer
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 
 TS = 1e-3
 LAW = next(law for law in discover_laws(laws_folder()) if law.name == "GMSObserver")

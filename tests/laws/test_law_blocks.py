@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +15,8 @@ from thorough import few, nightly, some
 from friction_fmus.blocks.axis_units import SLIDING
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.blocks.probe import read_variables
-from friction_fmus.fmi.block_units import base_unit
-from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, LawVariable, Unit, block_source
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.fmi.model_description import base_unit
+from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, LawVariable, Unit, block_source, discover_laws
 
 LAWS = discover_laws(laws_folder())
 SOME_LAWS = [law for law in LAWS if law.name in EACH_FEATURE]
@@ -51,9 +51,14 @@ def element(variable: LawVariable, i: int) -> str:
     return f"{variable.name}[{i + 1}]" if variable.kind in VECTORS else variable.name
 
 
+def library_of(law: Law, workshop, *flags: str) -> Path:
+    """The block without optimisation, with which `test_emit.py` compiles the same expressions."""
+    return workshop.library(block_source(law), "-O0", "-fno-sanitize=undefined", *flags)
+
+
 def check(law: Law, workshop, different_bits) -> None:
     """At random points: the block's values after a sample are what casadi makes of the same point."""
-    library = workshop.library(block_source(law))
+    library = library_of(law, workshop)
     reference = {variable.name: variable.reference for variable in read_variables(library).variables}
     evaluate = ctypes.CDLL(str(library)).block_evaluate
     evaluate.restype = None
@@ -85,7 +90,7 @@ def test_vectors_swapped_states_and_awkward_texts(workshop, different_bits, tmp_
     path.write_text(VECTOR_LAW, encoding="utf-8")
     (law,) = discover_laws(path)
     check(law, workshop, different_bits)
-    rows = {variable.name: variable for variable in read_variables(workshop.library(block_source(law))).variables}
+    rows = {variable.name: variable for variable in read_variables(library_of(law, workshop)).variables}
     assert [rows[f"k[{i}]"].start for i in (1, 2, 3)] == [5e4, 3e4, 0.1]
     assert rows["line[2]"].start == 3.0
     assert law.evaluate({"k": (1.0, 2.0, 3.0), "x": 1.0, "z": 10.0, "w": 100.0, "line": (5.0, 9.0)}) == {
@@ -110,7 +115,7 @@ def si_name(unit: Unit) -> str:
 
 @pytest.mark.parametrize("law", some(LAWS, SOME_LAWS), ids=lambda law: law.name)
 def test_the_table_says_what_the_law_says(law, workshop):
-    rows = read_variables(workshop.library(block_source(law))).variables[1:]
+    rows = read_variables(library_of(law, workshop)).variables[1:]
     rows = [row for row in rows if row.name != "fault"]
     variables = [(variable, i) for variable in law.variables for i in range(len(variable.starts))]
     assert [row.name for row in rows] == [element(*pair) for pair in variables]
@@ -127,7 +132,7 @@ def test_the_table_says_what_the_law_says(law, workshop):
 @nightly
 @pytest.mark.parametrize("law", some(LAWS[::3], SOME_LAWS[:2]), ids=lambda law: law.name)
 def test_the_rotational_twin_has_its_own_units(law, workshop):
-    rows = read_variables(workshop.library(block_source(law), "-DROTATIONAL")).variables[1:]
+    rows = read_variables(library_of(law, workshop, "-DROTATIONAL")).variables[1:]
     units = {row.name: row.unit for row in rows}
     twin = {"u": "N.m", "r": "rad", "rd": "rad/s", "Kp": "N.m/rad", "Ki": "N.m/(rad.s)", "m": "kg.m2", "kp": "1/s"}
     shared = twin.keys() & units.keys()
@@ -137,7 +142,7 @@ def test_the_rotational_twin_has_its_own_units(law, workshop):
 @pytest.mark.parametrize("name", ["ExtendedStateObserver", "ANDFC"])
 def test_a_mass_in_kg_is_no_moment_of_inertia_although_a_bandwidth_is_in_rad_per_second(name, build_fmu, workshop):
     law = next(law for law in LAWS if law.name == name)
-    twin = {row.name: row for row in read_variables(workshop.library(block_source(law), "-DROTATIONAL")).variables}
+    twin = {row.name: row for row in read_variables(library_of(law, workshop, "-DROTATIONAL")).variables}
     plain = {v.name: v for v in read_model_description(str(build_fmu(name))).modelVariables}
     assert "rad/s" in {v.unit for v in plain.values()}
     for v, unit, mass in ((plain["m"], "kg", "moving mass"), (twin["m"], "kg.m2", "moment of inertia")):

@@ -9,8 +9,7 @@ import pytest
 
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.errors import FrictionError
-from friction_fmus.lawkit.law import DAMPING, FORCE, LENGTH, Kind, Output
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import DAMPING, FORCE, LENGTH, Kind, Output, discover_laws
 
 GOOD = '''
 from casadi import SX

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from friction_fmus import build
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 from harness import FmuPart, System
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}

@@ -20,8 +20,7 @@ from friction_fmus.codegen.emulation import samples
 from friction_fmus.codegen.law_export import make_export
 from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.servo_law import LoopFile, LoopLaw, loop_text
-from friction_fmus.lawkit.law import Kind
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import Kind, discover_laws
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 BLOCKS = [*LAWS, *(block.name for block in catalogue().values() if block.kind == "compensator" and not block.is_law)]

@@ -15,9 +15,8 @@ from thorough import nightly, some
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.conditions import chain, one_mass
-from friction_fmus.lawkit.law import Kind, Law
-from friction_fmus.lawkit.law_files import discover_laws
-from friction_fmus.study.linear_laws import linearised
+from friction_fmus.lawkit.law import Kind, Law, discover_laws
+from friction_fmus.study.margins import linearised
 
 BuildFmu = Callable[..., Path]
 KNOWN = {law.name: law for law in discover_laws(laws_folder())}

@@ -15,8 +15,7 @@ from scipy.linalg import expm
 from thorough import nightly
 
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.lawkit.law import Law
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import Law, discover_laws
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 STATIC, LUGRE = LAWS["StaticFeedback"], LAWS["LuGreObserver"]

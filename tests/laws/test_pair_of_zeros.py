@@ -12,8 +12,7 @@ from scipy.signal import lfilter
 from thorough import few
 
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.lawkit.law import Kind
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import Kind, discover_laws
 
 (LAW,) = (law for law in discover_laws(laws_folder()) if law.name == "DiscreteInverse")
 INNER, POLES = (-0.3, 0.5), (0.9, -0.4, 0.2, 0.1)

@@ -10,8 +10,7 @@ import pytest
 from thorough import nightly
 
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.lawkit.law import Kind
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import Kind, discover_laws
 from harness import FmuPart, System
 
 PID = next(law for law in discover_laws(laws_folder()) if law.name == "PID")

@@ -14,7 +14,7 @@ from shell.instance import ERROR, OK, Instance, load
 from thorough import few
 
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 PAIR = {"zero": 0.0, "pair[1]": 0.6, "pair[2]": 0.9}

@@ -13,7 +13,7 @@ from observer_loops import follow, run
 from scipy.linalg import expm
 
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 LAW, PID = LAWS["ResetPID"], LAWS["PID"]

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from thorough import few, some
 
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.lawkit.law import VECTORS, Kind, Law
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import VECTORS, Kind, Law, discover_laws
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 PID, CASCADE, STATIC = LAWS["PID"], LAWS["CascadePPI"], LAWS["StaticFeedforward"]

@@ -14,8 +14,7 @@ from observer_loops import follow, rms_error, run
 from thorough import nightly, some
 
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.lawkit.law import Law
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import Law, discover_laws
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 FIRST, SECOND = LAWS["ImplicitSlidingMode"], LAWS["ImplicitSuperTwisting"]

@@ -14,7 +14,7 @@ from observer_loops import follow
 from thorough import nightly
 
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 from harness import CallablePart, Port, Result, SeriesPart
 
 LAW = next(law for law in discover_laws(laws_folder()) if law.name == "TustinFeedback")

@@ -17,8 +17,7 @@ from shell.instance import Instance, Library, load, signals
 from thorough import some
 
 from friction_fmus.blocks.catalogue import catalogue, laws_folder
-from friction_fmus.lawkit.law import Kind
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import Kind, discover_laws
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 BLOCKS = [block.name for block in catalogue().values() if block.kind == "compensator"]

@@ -24,8 +24,7 @@ from friction_fmus.blocks.catalogue import catalogue, laws_folder, source_folder
 from friction_fmus.codegen.emulation import samples
 from friction_fmus.codegen.law_export import make_export
 from friction_fmus.lawkit.declarations import BOOLEANS, PARAMETERS, VECTORS, Kind
-from friction_fmus.lawkit.law import Law
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import Law, discover_laws
 from harness.compiling import toolchain
 
 PAGE = Path(__file__).parents[2] / "docs" / "modelica.md"

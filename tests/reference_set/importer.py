@@ -27,8 +27,7 @@ from reference_set.input_lines import InputLines
 from reference_set.raw_fmu import DISCARD, WARNING, RawFmu, RefusedError
 from reference_set.ssp_reader import SspReader
 
-from friction_fmus.reference.calls import run_calls
-from friction_fmus.reference.case import ReferenceCase, read_case
+from friction_fmus.reference.case import ReferenceCase, read_case, run_calls
 
 Rows = list[list[Any]]
 MOST_PASSES = 50

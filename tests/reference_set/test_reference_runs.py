@@ -17,9 +17,8 @@ from thorough import nightly, slowness
 
 from friction_fmus.cli.main import main
 from friction_fmus.reference.case import CASES, ReferenceCase, read_case
-from friction_fmus.reference.scoreboard import read_junit
 from friction_fmus.reference.set_builder import build_case
-from friction_fmus.reference.tool_runs import compare, run_case
+from friction_fmus.reference.tool_runs import compare, read_junit, run_case
 
 FMPY = {
     "fmi3_structural_parameter": "sets the structural parameter outside of configuration mode",

@@ -167,7 +167,7 @@ IMPORTED = (
         "quick",
         "shell.fixtures",
         "shell.selection",
-        "friction_fmus.export.block_contents",
+        "friction_fmus.export.block_fmu",
         "friction_fmus.identification",
     ),
     *("friction_fmus.study", "harness.engine.native", "harness.ssp", "harness.system.system"),

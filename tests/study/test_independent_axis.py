@@ -313,10 +313,7 @@ FAULTS = {  # finding, sizes in the order of its sentence, tolerance
 }
 
 
-AT_NIGHT = ("belt_8_Hz", "belt_60_Hz", "cogging", "direction", "drifting", "load_dependent", "swinging_arm")
-
-
-@pytest.mark.parametrize("name", some([*FAULTS], [name for name in FAULTS if name not in AT_NIGHT]))
+@pytest.mark.parametrize("name", some([*FAULTS], ["load_dependent_declared", "backlash"]))
 def test_faults_of_the_plant_are_named_with_their_size(name: str, tmp_path: Path) -> None:
     AXES[name].write(tmp_path, name)
     found = plant_findings(read_records(tmp_path / "axis.toml"), AXES[name].servo["limit"])[0]

@@ -11,14 +11,13 @@ import pytest
 from scipy.signal import bilinear, butter, cont2discrete, lfilter
 from thorough import some
 
-from friction_fmus.axis.drive_filters import LowPass, Notch
 from friction_fmus.axis.loop_assembly import PartPool
-from friction_fmus.axis.servo import AxisPlant, Compensator, FlexibleLoad, Servo, Trajectory
+from friction_fmus.axis.servo import AxisPlant, Compensator, FlexibleLoad, LowPass, Notch, Servo, Trajectory
 from friction_fmus.axis.servo_loop import run_loop
 from friction_fmus.blocks.axis_units import TURNING
 from friction_fmus.blocks.catalogue import about_of, laws_folder, listing
 from friction_fmus.errors import FrictionError
-from friction_fmus.lawkit.law_files import discover_laws
+from friction_fmus.lawkit.law import discover_laws
 from friction_fmus.study.data import build_reference
 from friction_fmus.study.evaluation import AxisBench, Scheme, system_of
 from friction_fmus.study.loop_conditions import AddedLaw, ExaminedLoop, loop_conditions, windowed_sinc

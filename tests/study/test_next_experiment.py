@@ -10,7 +10,7 @@ import pytest
 
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.study.evaluation import AxisBench
-from friction_fmus.study.next_experiment import next_experiment, write_experiment
+from friction_fmus.study.next_steps import next_experiment, write_experiment
 
 M, KP, LIMIT, LEVEL = 2.0, 7000.0, 50.0, 6.0
 SERVO = Servo("PID", {"Kp": KP, "Kd": 160.0, "Ki": 0.0}, 1e-3, LIMIT)

@@ -18,8 +18,7 @@ from independent_axis import simulate, typical_moves
 from scipy.signal import lfilter
 from thorough import nightly
 
-from friction_fmus.axis.drive_filters import LowPass, Notch
-from friction_fmus.axis.servo import Servo
+from friction_fmus.axis.servo import LowPass, Notch, Servo
 from friction_fmus.data import load_emps
 from friction_fmus.identification import ROTARY, Record
 from friction_fmus.study import load_config, parse_config

@@ -21,7 +21,7 @@ from friction_fmus.identification import Record
 from friction_fmus.study import evaluation
 from friction_fmus.study.data import build_reference
 from friction_fmus.study.evaluation import LATE, AxisBench, Case, Scheme, evaluate, motion_feedforward
-from friction_fmus.study.servo_estimate import estimate_servo
+from friction_fmus.study.servo_check import estimate_servo
 
 
 @pytest.mark.parametrize(("window", "delay"), some([(1, 0), (1, 2), (3, 0), (3, 2)], [(3, 2)]))

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from friction_fmus.axis.drive_filters import LowPass, Notch
 from friction_fmus.axis.loop_assembly import with_friction
-from friction_fmus.axis.servo import Compensator
+from friction_fmus.axis.servo import Compensator, LowPass, Notch
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.identification import DataMapping, Measurement, Record
 from friction_fmus.study import ConfigError, Servo, StudyConfig, StudyError, load_config, parse_config, run_study

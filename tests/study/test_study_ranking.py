@@ -278,7 +278,7 @@ def test_the_only_compensator_is_recommended_although_it_violates_a_condition(mo
         found: list[object] = []
         for step in steps:
             if step.function is comparison.built:
-                found.append(comparison.Built(step.name))
+                found.append(step.name)
                 continue
             given = step.arguments
             scheme = Scheme(SERVO, compensator=given[0].compensator) if step.function is tuned else given[1][0]

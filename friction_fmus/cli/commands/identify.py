@@ -77,9 +77,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Identify the models, write the files and print the ranking."""
-    from friction_fmus.cli import identification_tables as tables
+    from friction_fmus.cli import axis_tables as tables
+    from friction_fmus.cli.axis_tables import read_asking
     from friction_fmus.cli.console import RunBar, console, progress_bar, styled
-    from friction_fmus.cli.identification_tables import read_asking
     from friction_fmus.identification import DataMapping
     from friction_fmus.identification.data.excitation import examine_segments
     from friction_fmus.identification.data.reading import default_windows

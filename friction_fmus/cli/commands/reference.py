@@ -46,8 +46,7 @@ def run(options: argparse.Namespace) -> int:
 def _run(options: argparse.Namespace) -> int:
     from friction_fmus.cli.console import progress_bar
     from friction_fmus.reference.case import read_cases
-    from friction_fmus.reference.scoreboard import write_junit, write_page
-    from friction_fmus.reference.tool_runs import FAILED, INACCURATE, run_case
+    from friction_fmus.reference.tool_runs import FAILED, INACCURATE, run_case, write_junit, write_page
     from harness.storage.files import make_folder
 
     if not options.folder or options.output or bool(options.tool) == bool(options.results):

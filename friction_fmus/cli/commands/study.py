@@ -64,10 +64,9 @@ def run(options: argparse.Namespace) -> int:
     if options.verify:
         return _verify(options)
     require("plotly", "the report of a study needs it")
+    from friction_fmus.cli.axis_tables import read_asking, show_first_look, show_study, show_understood
     from friction_fmus.cli.console import RunBar, console, progress_bar
-    from friction_fmus.cli.identification_tables import read_asking, show_first_look, show_understood
     from friction_fmus.cli.inputs import connect
-    from friction_fmus.cli.study_tables import show_study
     from friction_fmus.identification import DataMapping
     from friction_fmus.study.config import ALL, RECORDS, StudyConfig, load_config
     from friction_fmus.study.settings_file import SETTINGS_FILE
@@ -131,8 +130,8 @@ def run(options: argparse.Namespace) -> int:
 
 def _verify(options: argparse.Namespace) -> int:
     """Print claimed and measured error; the status is 1 if the claim did not come true."""
+    from friction_fmus.cli.axis_tables import show_verification
     from friction_fmus.cli.console import console
-    from friction_fmus.cli.study_tables import show_verification
     from friction_fmus.identification import DataMapping, read_measurement
     from friction_fmus.identification.data.mapping import read_mapping
     from friction_fmus.study.config import load_config

@@ -10,8 +10,7 @@ from friction_fmus.export.targets import Target
 if TYPE_CHECKING:
     from friction_fmus.axis.servo import AxisPlant
     from friction_fmus.axis.simulator_joint import Simulator
-    from friction_fmus.export.axis_loop import Array
-    from friction_fmus.export.identified_axis import IdentifiedAxis
+    from friction_fmus.export.identified_axis import Array, IdentifiedAxis
 
 SHORTEST: Final = 1e-4  # time step for bristles [s]
 EXPLICIT: Final = 0.2  # time step over the time constants of bristles, in which MuJoCo is explicit

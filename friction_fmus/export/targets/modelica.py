@@ -46,7 +46,7 @@ def generated() -> dict[str, str]:
     from friction_fmus.blocks.catalogue import laws_folder, source_folder
     from friction_fmus.codegen.law_export import make_export
     from friction_fmus.codegen.modelica_block import block, c_header, rotational
-    from friction_fmus.lawkit.law_files import discover_laws
+    from friction_fmus.lawkit.law import discover_laws
 
     own = source_folder() / "modelica"
     laws = {file.stem: file.read_text(encoding="utf-8") for file in sorted((own.parent / "friction").glob("*.mo"))}

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Final
 from friction_fmus.export.targets import Target
 
 if TYPE_CHECKING:
-    from friction_fmus.export.axis_loop import Array, AxisLoop, ReferenceMotion
-    from friction_fmus.export.identified_axis import IdentifiedAxis
+    from friction_fmus.export.identified_axis import Array, AxisLoop, IdentifiedAxis, ReferenceMotion
 
 MANUAL: Final = (
     "Siemens, SINUMERIK 840D sl, Function Manual Extended Functions 03/2013, 4.6 Friction compensation, p. 293 to 296",
@@ -55,7 +54,7 @@ def circle(motion: ReferenceMotion, sample_time: float, radius: float, feed: flo
     """Return two turns of an axis of a circle, from the begin of a motion towards its middle."""
     import numpy as np
 
-    from friction_fmus.export.axis_loop import ReferenceMotion
+    from friction_fmus.export.identified_axis import ReferenceMotion
 
     side = np.copysign(radius, np.min(motion.r) + np.max(motion.r) - 2.0 * motion.r[0])
     w = feed / radius

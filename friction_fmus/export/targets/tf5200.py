@@ -9,8 +9,7 @@ from friction_fmus.export.targets import RATED, Option, Target
 
 if TYPE_CHECKING:
     from friction_fmus.export.axis_fit import AxisFit
-    from friction_fmus.export.axis_loop import Array
-    from friction_fmus.export.identified_axis import IdentifiedAxis
+    from friction_fmus.export.identified_axis import Array, IdentifiedAxis
 
 MANUAL: Final = (
     "Beckhoff, TF5200 CNC, Friction compensation, Compensation values",
