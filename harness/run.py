@@ -17,6 +17,7 @@ from harness.errors import ENDED, ExperimentError, HarnessError, Interrupted, Pa
 from harness.masters import find_master
 from harness.parts.guard import Guard
 from harness.parts.part import StartValue
+from harness.parts.series import SeriesPart
 from harness.system.assembly import Assembly, resize_parts
 from harness.system.experiment import Experiment
 from harness.system.graph import (
@@ -91,6 +92,7 @@ class Session:
         master = find_master(experiment.master)
         compared = state_outputs(system.parts) if master.implicit else positions(system.parts, system.wires)
         plan = self._plan = make_plan(system, experiment, [*self._names, *tapped, *compared])
+        _warn_of_missed_values(system, plan)
         schedule = master.schedule(plan, experiment)
         check_loops(system.parts, system.wires, implicit=schedule.implicit)
         open_end = bool(self._options.resume or self._options.checkpoint)
@@ -184,6 +186,21 @@ def _loop(
             sleep(max(0.0, clock + (tick - begin) * plan.step / pace - monotonic()))
         elif monotonic() - before < 0.05:
             longest = min(2 * longest, 10_000_000)
+
+
+def _warn_of_missed_values(system: Assembly, plan: Plan) -> None:
+    """Log a warning for each series with a value that no step sees."""
+    for part, every in zip(plan.parts, plan.every, strict=True):
+        series = system.parts[part.name]
+        if isinstance(series, SeriesPart) and (
+            found := series.missed(plan.start, every * plan.step, plan.ticks // every)
+        ):
+            _LOG.warning(
+                "%s.%s changes at t = %.12g s and again before the next step, which does not see this value: the "
+                "result is wrong; use a shorter step",
+                part.name,
+                *found,
+            )
 
 
 def _warn_of_nonfinite(recorder: Recorder) -> None:

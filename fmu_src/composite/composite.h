@@ -23,7 +23,7 @@ typedef struct {
     Moving moving[LINES + 1];
     StepCheck guards[GROUPS + 1];
     double w[UNKNOWNS + 1], w_last[UNKNOWNS + 1], trend[UNKNOWNS + 1], scale[UNKNOWNS + 1];
-    double prediction_error[UNKNOWNS + 1], growth[UNKNOWNS + 1];
+    double lasting[UNKNOWNS + 1], at_begin[UNKNOWNS + 1], prediction_error[UNKNOWNS + 1], growth[UNKNOWNS + 1];
     double held_values[HELD + 1], held_sizes[HELD + 1], state_sizes[STATE_OUTPUTS + 1];
     double inverse[GROUPS * MOST * MOST + 1], proposed[GROUPS + 1], before[GROUPS + 1];
 } Memory;
@@ -280,6 +280,8 @@ static void wire_newton(Instance *c)
         .w_last = m->w_last,
         .trend = m->trend,
         .scale = m->scale,
+        .lasting = m->lasting,
+        .at_begin = m->at_begin,
         .prediction_error = m->prediction_error,
         .growth = m->growth,
         .r = c->r,

@@ -18,15 +18,17 @@ EXPORT void newton_begin(const Engine *e, Newton *newton)
         const double value = arriving(e, input);
         m->from_rest = value == 0.0;
         m->u0 = m->q0 = m->u1 = m->q1 = value;
-        m->scale = m->outside = fabs(value);
-        m->accumulated_error = m->path = m->distance_error = 0.0;
+        m->scale = m->size = m->at_begin = m->outside = fabs(value);
+        m->lasting = 0.0;
+        m->noise = m->accumulated_error = m->path = m->distance_error = 0.0;
         m->role = m->rests = m->rigid = 0;
         m->gain = e->gains ? e->gains[input] : 1.0;
         m->offset = e->gains ? e->offsets[input] : 0.0;
     }
     for (int64_t j = 0; j < last->unknown + last->unknowns; j++) {
         newton->w[j] = newton->w_last[j] = e->signals[newton->unknowns[j]];
-        newton->scale[j] = fabs(newton->w[j]);
+        newton->scale[j] = newton->at_begin[j] = fabs(newton->w[j]);
+        newton->lasting[j] = 0.0;
         newton->trend[j] = newton->prediction_error[j] = newton->growth[j] = 0.0;
     }
     for (int64_t k = 0; k < last->held + last->held_count; k++) {

@@ -32,10 +32,29 @@ static void assume(const Engine *e, Newton *newton, const Group *g, const Contac
                 newton->moving[k].role = force;
 }
 
+/* Return whether the load of a contact at rest was its force at the start of the span, too: a mass that returns to
+   v = 0 within the span has moved. */
+static bool held_at_start(const Engine *e, const Newton *newton, const Contact *c)
+{
+    const double force = newton->w_last[c->unknown];
+    bool lines = false;
+    for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
+        for (int64_t i = c->first_load; i < c->first_load + c->load_count; i++)
+            if (e->lines[k].input == newton->loads[i]) {
+                const double load = newton->moving[k].u0;
+                if (fabs(load - force) <= STARTED * fmax(fabs(load), newton->scale[c->unknown]))
+                    return true;
+                lines = true;
+            }
+    return !lines;
+}
+
 static void hold(const Engine *e, Newton *newton, const Group *g, const Contact *c)
 {
-    const int64_t rests = velocity_of(newton, c)->rests;
-    assume(e, newton, g, c, AT_REST, rests == AT_REST ? HOLDING : rests == IN_JUMP ? FREE : CHANGING);
+    const Moving *const m = velocity_of(newton, c);
+    const bool held =
+        m->rests == AT_REST || (m->u0 == 0.0 && !m->rests && c->load_count > 0 && held_at_start(e, newton, c));
+    assume(e, newton, g, c, AT_REST, held ? HOLDING : m->rests == IN_JUMP ? FREE : CHANGING);
 }
 
 static void let_go(const Engine *e, Newton *newton, const Group *g, const Contact *c)
@@ -146,23 +165,6 @@ static int solve_at_rest(Engine *e, Newton *newton, const Group *g, const Span *
     return status == SOLVED ? NOT_CONVERGED : status;
 }
 
-/* Return whether the load of a contact at rest was its force at the start of the span, too: a mass that returns to
-   v = 0 within the span has moved. */
-static bool held_at_start(const Engine *e, const Newton *newton, const Contact *c)
-{
-    const double force = newton->w_last[c->unknown];
-    bool lines = false;
-    for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
-        for (int64_t i = c->first_load; i < c->first_load + c->load_count; i++)
-            if (e->lines[k].input == newton->loads[i]) {
-                const double load = newton->moving[k].u0;
-                if (fabs(load - force) <= STARTED * fmax(fabs(load), newton->scale[c->unknown]))
-                    return true;
-                lines = true;
-            }
-    return !lines;
-}
-
 /* Find out whether a contact at rest holds. If not, *limit is the force at which it breaks away. If it stops within a
    span that may be divided, *share is the part of the span until then: mean friction, at the points of Gauss, and the
    load decelerate it. It does not stop if these cannot; a span without this solution is then shorter. */
@@ -191,7 +193,7 @@ static int test(Engine *e, Newton *newton, const Contact *c, const Span *s, bool
     if (status == SOLVED)
         status = face(e, newton, c, s, -BESIDE, &down);
     double friction[] = {0.0, 0.0};
-    const bool stopping = newton->splits && !m->rests && m->u0 != 0.0;
+    const bool stopping = !m->rests && m->u0 != 0.0;
     for (int i = 0; i < 2 && stopping && status == SOLVED; i++)
         status = face(e, newton, c, s, (i ? 0.5 + GAUSS : 0.5 - GAUSS) * m->u0, &friction[i]);
     if (status == SOLVED)
@@ -208,13 +210,14 @@ static int test(Engine *e, Newton *newton, const Contact *c, const Span *s, bool
     const bool stops = m->rests || m->u0 == 0.0 || (m->u0 > 0.0 ? force <= up + slack : force >= down - slack);
     m->role = by_load ? AT_REST : IN_JUMP;
     *holds = m->rigid > 0 && stops && (by_load || in_jump);
-    if (*holds && stopping) {
+    /* in a divided step, a contact that goes on in the other direction is located, too */
+    if (stopping && (*holds || (m->rigid > 0 && s->to - s->from < 1.0))) {
         double other = isfinite(load) ? load : rest;
         for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
             if (e->lines[k].end == load)
                 other = e->lines[k].mean;
         const double at = (force - other) / (0.5 * (friction[0] + friction[1]) - other);
-        if (at < -SOONEST || at > 1.0 / STOPS_NOT)
+        if (*holds && (at < -SOONEST || at > 1.0 / STOPS_NOT))
             *share = fmin(*share, STOPS_NOT);
         else if (at > SOONEST && at < STOPS)
             *share = fmin(*share, at);
@@ -231,7 +234,7 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
     for (int64_t tries = 0; tries <= 2 * g->contacts; tries++, again = true) {
         int status = solve_at_rest(e, newton, g, s, again);
         bool changed = false, held = false, changes = false;
-        *rests = false;
+        *rests = newton->turns = false;
         if (status == NOT_CONVERGED) { /* it may be another contact that stops */
             for (const Contact *c = first; c < last && tries == 0; c++)
                 if (!is_rest(velocity_of(newton, c)) && velocity_of(newton, c)->rigid >= 0) {
@@ -256,7 +259,9 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
                 }
                 continue;
             }
-            status = test(e, newton, c, s, &holds, &limit, &share);
+            double stop = 1.0;
+            status = test(e, newton, c, s, &holds, &limit, &stop);
+            share = fmin(share, stop);
             held = held || holds;
             changes = changes || !m->rests || m->role == IN_JUMP;
             if (status != SOLVED || holds)
@@ -268,6 +273,10 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
                     share = 0.0;
             }
             let_go(e, newton, g, c);
+            if (!m->rests && stop * (s->to - s->from) <= SOONEST) { /* it stops at once and moves the other way */
+                assume(e, newton, g, c, FREE, CHANGING);
+                newton->turns = true;
+            }
             changed = true;
         }
         if (status != SOLVED)
@@ -345,6 +354,10 @@ static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, cons
             status = solve_held(e, newton, g, s, true, &rests);
     if (status != SOLVED || rests)
         return status;
+    if (newton->turns && iterate(e, newton, g, number, s, true) == SOLVED)
+        return SOLVED;
+    for (const Contact *c = first; c < last; c++)
+        let_go(e, newton, g, c);
     if (solved != SOLVED)
         return solved;
     double norm = 0.0;

@@ -7,19 +7,22 @@
 
 /* Further data of each line. */
 typedef struct {
-    int64_t inner;            /* source and target are in the same loop */
-    int64_t unknown;          /* index of the unknown that it reads; -1: its source is stepped before */
-    int64_t is_force;         /* it has the unit of the force of a contact in the loop */
-    int64_t from_rest;        /* the run begins with the value 0 */
-    int64_t role;             /* in the current solution; see contacts.h */
-    double u0, q0;            /* at the start */
-    double u1, q1;            /* at the end, in the current iteration */
-    double scale;             /* largest magnitude so far */
+    int64_t inner;     /* source and target are in the same loop */
+    int64_t unknown;   /* index of the unknown that it reads; -1: its source is stepped before */
+    int64_t is_force;  /* it has the unit of the force of a contact in the loop */
+    int64_t from_rest; /* the run begins with the value 0 */
+    int64_t role;      /* in the current solution; see contacts.h */
+    double u0, q0;     /* at the start */
+    double u1, q1;     /* at the end, in the current iteration */
+    double scale;      /* largest magnitude so far */
+    double size, lasting,
+        at_begin;             /* magnitude without peaks, see forget_peaks; that of the steps before; at the start */
     double outside;           /* of a line from outside of the loop: largest magnitude so far */
     double accumulated_error; /* errors that the guard found and could not remove: root of the sum of their squares */
     double gain, offset;      /* of the connection in this step, if there are manipulators */
     double path, distance_error; /* velocity of a contact: distance so far, and how much of it no step resolved */
     int64_t rests;               /* velocity of a contact: its role at the end of the last step */
+    double noise;                /* change per time if the unknowns change by the tolerance of the loop */
     int64_t rigid; /* velocity of a contact: 1: the friction jumps at v = 0, -1: it does not, 0: unknown */
 } Moving;
 
@@ -79,25 +82,26 @@ typedef struct {
     const Contact *contacts;
     const int64_t *loads; /* inputs of contacts that are forces */
     const StateOutput *states;
-    double *state_sizes, *kept_states; /* largest magnitudes so far; values of the whole step during a check */
-    double *w, *w_last, *trend;        /* value, value of the last step, slope over the last step */
-    double *scale;                     /* largest magnitude so far */
-    double *prediction_error, *growth; /* error of the last prediction; how often it changed its sign and grew */
-    double *r, *work;                  /* residuals; work space of 7 n + 2 n^2 for n = most_unknowns */
-    double *inverse;                   /* inverse of dr/dw, n by n, at n^2 times the index of the group */
-    int64_t most_unknowns;             /* largest number of unknowns of a group */
-    double tolerance;                  /* tolerance of r over scale */
-    double error;                      /* tolerated error of a step over scale; 0: fixed steps */
-    double step_tolerance;             /* tolerated difference of a step from its halves over the magnitude */
-    double finest;                     /* largest number of inner steps per step, unless convergence needs more */
-    double *proposed, *before;         /* [s] next inner step of each group; its last one, or 0 */
-    StepCheck *guards;                 /* one for each group */
-    Moving *kept_lines;                /* copies during a check: lines, */
-    double *kept;                      /* and w, w_last, trend, scale, inverse Jacobian; values of lines */
+    double *state_sizes, *kept_states;  /* largest magnitudes so far; values of the whole step during a check */
+    double *w, *w_last, *trend;         /* value, value of the last step, slope over the last step */
+    double *scale, *lasting, *at_begin; /* magnitude without peaks, as of a line */
+    double *prediction_error, *growth;  /* error of the last prediction; how often it changed its sign and grew */
+    double *r, *work;                   /* residuals; work space of 7 n + 2 n^2 for n = most_unknowns */
+    double *inverse;                    /* inverse of dr/dw, n by n, at n^2 times the index of the group */
+    int64_t most_unknowns;              /* largest number of unknowns of a group */
+    double tolerance;                   /* tolerance of r over scale */
+    double error;                       /* tolerated error of a step over scale; 0: fixed steps */
+    double step_tolerance;              /* tolerated difference of a step from its halves over the magnitude */
+    double finest;                      /* largest number of inner steps per step, unless convergence needs more */
+    double *proposed, *before;          /* [s] next inner step of each group; its last one, or 0 */
+    StepCheck *guards;                  /* one for each group */
+    Moving *kept_lines;                 /* copies during a check: lines, */
+    double *kept;                       /* and w, w_last, trend, scale, inverse Jacobian; values of lines */
     double worst_residual;
     int64_t jumped; /* the last solution lies at a jump of r */
     int64_t splits; /* a step may be divided where a contact breaks away */
     double share;   /* of the step before that */
+    int64_t turns;  /* a contact stops at the start of the span and moves the other way */
     int64_t evaluations, substeps, rejected;
 } Newton;
 

@@ -154,6 +154,7 @@ static void accept(const Engine *e, Newton *newton, const Group *g, int64_t numb
                 m->u0 = m->role == HOLDING || m->role == CHANGING ? arriving(e, e->lines[k].input) : m->u1;
                 m->q0 = m->role == FREE ? m->q1 : m->u0;
                 m->scale = fmax(m->scale, fabs(m->u1));
+                m->size = fmax(m->size, fabs(m->u1));
             }
         }
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++) {
@@ -167,6 +168,29 @@ static void accept(const Engine *e, Newton *newton, const Group *g, int64_t numb
     for (int64_t i = g->state; i < g->state + g->states; i++)
         newton->state_sizes[i] = fmax(newton->state_sizes[i], fabs(e->signals[newton->states[i].output]));
     newton->before[number] = s->h;
+}
+
+/* A peak that is over within a step, such as the force of an impact, is no measure for the errors of later values. The
+   magnitude of a value is the largest that it had at both ends of a step, or at an end of the last step, but not less
+   than PEAK times a peak, whose rounding errors last. */
+#define PEAK 1e-3
+
+static void forget_peak(double *size, double *lasting, double *at_begin, double value)
+{
+    *lasting = fmax(fmax(*lasting, PEAK * *size), fmin(*at_begin, fabs(value)));
+    *at_begin = fabs(value);
+    *size = fmax(*lasting, *at_begin);
+}
+
+static void forget_peaks(const Engine *e, Newton *newton, const Group *g)
+{
+    for (int64_t i = g->first; i < g->first + g->count; i++)
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
+            Moving *const m = &newton->moving[k];
+            forget_peak(&m->size, &m->lasting, &m->at_begin, m->u0);
+        }
+    for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
+        forget_peak(&newton->scale[j], &newton->lasting[j], &newton->at_begin[j], newton->w[j]);
 }
 
 /* Return the error of the means over the magnitudes of the values, estimated by comparison with the trapezoidal rule,

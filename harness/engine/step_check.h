@@ -3,7 +3,8 @@
    halves: at scheduled ticks, and where a value is far from its prediction. If the mean or the end value of a line, or
    an output that is a state, differs by more than `step_tolerance` (0.02) times its magnitude, or the distance along a
    contact by a quarter of that, the step is divided, and the following steps are checked until undivided steps agree
-   with their halves again. A step that passes its check keeps its values bit for bit.
+   with their halves again. An undivided step that passes its check keeps its values bit for bit. In a divided step,
+   newton continues from the halves: what each of many pieces is tolerated would add up.
 
    What follows the start of a run, a jump of an input or a contact that breaks away may be over within a small part of
    the step: the mass swings beyond its new rest and comes to rest elsewhere, which two halves do not show. Such a step
@@ -172,10 +173,10 @@ static int pieces_of(double part)
     return n;
 }
 
-/* Solve the span again, in n pieces; means[k] becomes the mean of line k over all, and the
+/* Solve the span again, in n pieces, the last of which is *last; means[k] becomes the mean of line k over all, and the
    next numbers the values at the end of the last piece but one. */
 static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s, int n, bool growing, double *means,
-                        bool *jumped, bool *turns)
+                        bool *jumped, bool *turns, Span *last)
 {
     const Group *const g = &newton->groups[number];
     const int64_t lines = e->lines_from[e->part_count];
@@ -186,12 +187,12 @@ static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s
         means[k] = 0.0;
     for (int i = 0; i < n && status == SOLVED; i++) {
         const double end = part_after(i, n, growing), share = end - done;
-        const Span piece = {s->t + done * s->h,
-                            i + 1 == n ? s->h - done * s->h : share * s->h,
-                            s->from + done * (s->to - s->from),
-                            i + 1 == n ? s->to : s->from + end * (s->to - s->from),
-                            i == 0 ? share * s->ratio : share / before,
-                            false};
+        const Span piece = *last = (Span){s->t + done * s->h,
+                                          i + 1 == n ? s->h - done * s->h : share * s->h,
+                                          s->from + done * (s->to - s->from),
+                                          i + 1 == n ? s->to : s->from + end * (s->to - s->from),
+                                          i == 0 ? share * s->ratio : share / before,
+                                          false};
         if (i == 1)
             swap_loop(e, newton, g); /* the state at the start of the span is still needed */
         if (i > 0)
@@ -238,6 +239,29 @@ static bool is_held(const Newton *newton, const Group *g, int64_t output)
     return false;
 }
 
+/* Return the noise of the velocity of the mass that an output belongs to. */
+static double noise_of(const Newton *newton, const Group *g, int64_t output)
+{
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        if (output >= c->of_mass && output < c->of_next)
+            return newton->kept_lines[c->line].noise;
+    return 0.0;
+}
+
+/* Measure how much the values at the end of a solved span change if the unknowns do by the tolerance of the loop. */
+static int measure_noise(Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s)
+{
+    double norm = 0.0;
+    for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
+        newton->w[j] += newton->tolerance * fmax(newton->scale[j], fabs(newton->w[j]));
+    const int status = evaluate(e, newton, g, s, true, &norm);
+    for (int64_t i = g->first; i < g->first + g->count; i++)
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
+            newton->kept_lines[k].noise = fabs(newton->moving[k].u1 - newton->kept_lines[k].u1) / s->h;
+    keep(e, newton, g, number, true);
+    return status;
+}
+
 /* Return the largest difference between a span and its halves over the tolerated one. If the solution lies at a jump,
    the unknown is the holding force: only its mean counts, and the values beyond the jump are rounding errors. Keep the
    error that would remain: the mean counts over the whole step, of which the span is a part. An instantaneous event,
@@ -258,9 +282,10 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
             if (!force && is_held(newton, g, e->sources[e->lines[k].input]))
                 continue;
             const double in_mean = fabs(whole[k] - halves[k]), at_end = jumped ? 0.0 : fabs(a->u1 - b->u1);
-            const double apart = fmax(in_mean, at_end), values = fmax(fabs(a->u1), fabs(b->u1));
+            const double apart = fmax(0.0, fmax(in_mean, at_end) - (force ? 0.0 : a->noise * s->h)),
+                         values = fmax(fabs(a->u1), fabs(b->u1));
             const double least = a->role == CHANGING ? NEGLIGIBLE * strength : force ? EQUAL * strength : 0.0;
-            const double size = fmax(fmax(a->scale, values), least);
+            const double size = fmax(fmax(a->size, values), least);
             const double tolerated = newton->step_tolerance * (early && a->from_rest ? AT_START : 1.0);
             const double remains = fmax((s->to - s->from) * in_mean, at_end);
             const double off = apart == 0.0 ? 0.0 : apart / (tolerated * size);
@@ -278,7 +303,8 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
         const double kept = newton->kept_states[i], value = e->signals[newton->states[i].output];
         const double size = fmax(newton->state_sizes[i], fmax(fabs(kept), fabs(value)));
         const double tolerated = newton->step_tolerance * (early ? AT_START : DISTANCE_FACTOR);
-        const double off = kept == value ? 0.0 : fabs(kept - value) / (tolerated * size);
+        const double noise = noise_of(newton, g, newton->states[i].output) * s->h * s->h;
+        const double off = fabs(kept - value) <= noise ? 0.0 : fabs(kept - value) / (tolerated * size);
         worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
     }
     guard->distance_error = 0.0;
@@ -289,8 +315,9 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
         const double tolerated = newton->step_tolerance * (early && a->from_rest ? AT_START : DISTANCE_FACTOR);
         const double means = fmax(fabs(whole[c->line]), fabs(halves[c->line]));
         const double distance_error = s->h * fabs(whole[c->line] - halves[c->line]), path = a->path + s->h * means;
-        if (distance_error > 0.0)
-            worst = fmax(worst, distance_error / (tolerated * path));
+        if (distance_error <= a->noise * s->h * s->h)
+            continue;
+        worst = fmax(worst, distance_error / (tolerated * path));
         if (distance_error > farthest * path) {
             farthest = distance_error / path;
             guard->contact = c->line;
@@ -316,8 +343,11 @@ static bool resolves(const Engine *e, const Newton *newton, const Group *g, cons
     return true;
 }
 
-/* Compare a solved span with its halves and raise *off to the difference. The span stays solved. */
-static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64_t tick, bool anew, double *off)
+/* Compare a solved span with its halves and raise *off to the difference. Halves in a divided step that differ by no
+   more than tolerated, or of the `smallest` span, become the solution, and *end their last piece; but not where a
+   contact stops, as a stop is located in whole spans only. Else the span stays solved. */
+static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64_t tick, bool anew, bool smallest,
+                 double *off, Span *end)
 {
     const Group *const g = &newton->groups[number];
     const int64_t lines = e->lines_from[e->part_count], most = newton->most_unknowns;
@@ -327,13 +357,17 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
     const bool finer = anew || turns_within(newton, g, s);
     const int pieces = finer ? pieces_of(s->to - s->from) : 2;
     bool halves_jumped = false, turns = false;
+    Span last = *s;
 
     for (int64_t k = 0; k < lines; k++)
         whole[k] = e->lines[k].mean;
     for (int64_t i = g->state; i < g->state + g->states; i++)
         newton->kept_states[i] = e->signals[newton->states[i].output];
     keep(e, newton, g, number, false);
-    int status = solve_pieces(e, newton, number, s, pieces, finer, halves, &halves_jumped, &turns);
+    int status = anew && tick == 0 ? measure_noise(e, newton, g, number, s) : SOLVED;
+    if (status != SOLVED && status != 2)
+        return status;
+    status = solve_pieces(e, newton, number, s, pieces, finer, halves, &halves_jumped, &turns, &last);
     const bool failed_halves = status == NOT_CONVERGED || status == 2;
     if (status != SOLVED && !failed_halves)
         return status;
@@ -345,9 +379,14 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
     const double found =
         failed_halves ? INFINITY : difference(e, newton, number, s, whole, halves, jumped || halves_jumped, early);
     *off = fmax(*off, turns ? fmax(found, TURNED) : found);
+    newton->guards[number].checks++;
+    const bool smooth = !finer && !failed_halves && !jumped && !halves_jumped;
+    if (newton->error == 0.0 && smooth && s->to - s->from < 1.0 && (*off <= 1.0 || smallest)) {
+        *end = last;
+        return SOLVED;
+    }
     keep(e, newton, g, number, true);
     newton->before[number] = before;
-    newton->guards[number].checks++;
     if (failed_halves) { /* as where a contact breaks away: the error is over with the span */
         newton->guards[number].apart = (s->to - s->from) * newton->moving[newton->guards[number].line].scale;
         newton->guards[number].distance_error = 0.0;

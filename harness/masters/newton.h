@@ -41,9 +41,9 @@ static double shortest(const Newton *newton, const Progress *p)
 }
 
 /* Compute the error of a solved span over the tolerance: from the estimate of the adaptive master and, if the guard
-   checks this span, from its two halves. */
+   checks this span, from its two halves. *end: the span that the solution ends with. */
 static int estimate_error(Engine *e, Newton *newton, int64_t number, Progress *p, const Span *s, bool stops,
-                          double *off, bool *checked)
+                          double *off, bool *checked, Span *end)
 {
     const Group *const g = &newton->groups[number];
     /* at a jump the contact sticks: v = 0 within the tolerance, and the estimate is meaningless */
@@ -53,12 +53,13 @@ static int estimate_error(Engine *e, Newton *newton, int64_t number, Progress *p
     const bool anew = begins_anew(newton, number, p->tick, s);
     if (anew)
         p->since = p->done;
-    if (s->h <= shortest(newton, p))
+    const bool smallest = s->h <= shortest(newton, p);
+    if (smallest)
         *off = 0.0; /* only a check can find an error of the smallest spans */
     const bool soon = p->since >= 0.0 && !newton->guards[number].resolves;
     *checked = *off <= 1.0 && (stops || anew || soon || wants_check(e, newton, number, p->tick, s)) &&
                !newton->guards[number].abandoned;
-    return *checked ? check(e, newton, number, s, p->tick, anew, off) : SOLVED;
+    return *checked ? check(e, newton, number, s, p->tick, anew, smallest, off, end) : SOLVED;
 }
 
 /* Advance a loop over one step, in as many spans as needed. */
@@ -78,6 +79,7 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
         int splits = 0;
         for (bool again = false; status == SOLVED; again = true) {
             const Span s = next_span(newton, number, &p, piece);
+            Span end = s;
             double off = 0.0;
             bool checked = false;
             newton->splits = splits < MOST_SPLITS && piece > smallest;
@@ -90,12 +92,12 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
                 continue;
             }
             if (status == SOLVED)
-                status = estimate_error(e, newton, number, &p, &s, splits > 0, &off, &checked);
+                status = estimate_error(e, newton, number, &p, &s, splits > 0, &off, &checked, &end);
             const double accurate = shortest(newton, &p);
             if (status == SOLVED && (checked || off == AMPLIFIED))
                 conclude(newton, number, tick, &s, off, piece <= accurate);
             if (status == SOLVED && (off <= 1.0 || piece <= accurate)) {
-                accept(e, newton, g, number, &s);
+                accept(e, newton, g, number, &end);
                 newton->substeps++;
                 if (again && splits == 0) /* the motion after a jump is soon slower */
                     limit_steps(guard, p.since < 0.0 ? s.h : fmax(s.h, h / (RUNG * RUNG)));
@@ -115,6 +117,7 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
         if (status != SOLVED)
             return status;
     }
+    forget_peaks(e, newton, g);
     release_limit(guard, h);
     if (p.since >= 0.0 && !guard->resolves && !guard->abandoned && guard->checks_due == 0)
         guard->checks_due = 1; /* the motion may be over within a part of the next step */

@@ -167,7 +167,8 @@ class Loops(Algorithm):
         attach_lines(engine, self.wires)
         most = max((row.unknowns for row in rows), default=0)
         n = len(self.unknowns)
-        self._memory = {name: np.zeros(n) for name in ("w", "w_last", "trend", "scale", "prediction_error", "growth")}
+        names = ("w", "w_last", "trend", "scale", "lasting", "at_begin", "prediction_error", "growth")
+        self._memory = {name: np.zeros(n) for name in names}
         self._memory |= {name: np.zeros(len(self.held)) for name in ("held_values", "held_sizes")}
         self._memory["state_sizes"] = np.zeros(len(self.states))
         self._memory["inverse"] = np.zeros((len(rows) * most, most))

@@ -8,7 +8,7 @@ from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +16,9 @@ from numpy.typing import ArrayLike
 from harness.errors import PartError, SeriesError
 from harness.parts.part import Calls, Part, Port, StartValue, Values
 from harness.storage.files import reason
+
+LOST: Final = 0.05
+"""Tolerated part of the range of a held signal that no step sees."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +137,19 @@ class SeriesPart(Part):
             slopes[:-1] = np.diff(self._values, axis=0) / np.diff(self._times)[:, None]
         end = self._grid[-1] + self._reach if self.beyond == "error" else math.inf
         return SeriesArrays(self._times, self._values, slopes, self._slack, end)
+
+    def missed(self, start: float, step: float, ticks: int) -> tuple[str, float] | None:
+        """Return a column and a time at which a held value beyond its neighbours begins and ends between two steps."""
+        if self.interpolation == "linear":
+            return None
+        values, numbers = self._values, np.arange(len(self._times))
+        seen = np.ceil((self._times - self._slack - start) / step)  # number of the first step with the sample
+        before, after = np.searchsorted(seen, seen) - 1, np.searchsorted(seen, seen, "right") - 1
+        ends = np.stack([values[before.clip(0)], values[after]])
+        beyond = np.maximum(values - ends.max(axis=0), ends.min(axis=0) - values)
+        within = (seen > 0.0) & (seen <= ticks) & (before >= 0) & (after > numbers)
+        lost = np.argwhere((beyond > LOST * np.ptp(values, axis=0)) & within[:, None])
+        return (self.outputs[lost[0, 1]].name, self._grid[lost[0, 0]]) if len(lost) else None
 
     def enter_initialisation(
         self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]

@@ -325,3 +325,28 @@ def test_the_reference_has_the_known_answers() -> None:
     assert np.interp(pi, t, free["x"]) == pytest.approx(0.7, abs=1e-6)
     assert free["x"][-1] == pytest.approx(0.05, abs=1e-12)
     assert free["changes"][-1] == pytest.approx(7 * pi / 2, abs=1e-9)
+
+
+@pytest.mark.parametrize("master", ["newton", "adaptive"])
+@pytest.mark.parametrize("name", ["Coulomb", "Stiction"])
+def test_a_mass_that_rests_from_the_start(name: str, master: str) -> None:
+    """The spring force k v t is held from the first step on, also where the mass would swing within the step."""
+    start = {"mass.m": 6.7e-4, "mass.k": 1.2e5, "mass.v_support": 3e-3, "mass.F_drive": 0.0, "friction.Fc": 4.0}
+    start |= {} if name == "Coulomb" else {"friction.Fs": 5.0}
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
+    with System([FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu(name))], wires, start) as system:
+        result = system.run(stop=0.01, step=1e-4, master=master, record=NAMES)
+    assert result["mass.x"].to_numpy() == pytest.approx(0.0, abs=1e-15)
+    assert result["friction.F"].to_numpy() == pytest.approx(360.0 * result["time"].to_numpy(), rel=1e-9)
+
+
+def test_a_mass_held_in_a_dead_band() -> None:
+    """Its velocity is a rounding error, whose error does not matter."""
+    start = {"mass.m": 1.0, "mass.F_drive": 0.7, "friction.Fc": 1.0, "friction.Fs": 1.5}
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
+    system = System([FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("Karnopp"))], wires, start)
+    with system, Warnings() as warned:
+        result = system.run(stop=5e-3, step=1e-3, master="newton", record=NAMES)
+    assert not warned.texts
+    assert result.attrs["substeps"] == 5
+    assert result["friction.F"].to_numpy() == pytest.approx(0.7, rel=1e-12)

@@ -115,3 +115,20 @@ def test_durations_are_seconds_and_dates_are_refused() -> None:
             SeriesPart("s", dates, {"y": [0.0, 1.0, 2.0]})
     with pytest.raises(SeriesError, match="the values 'y' of the record 's' are no numbers"):
         SeriesPart("s", [0.0, 1.0, 2.0], {"y": index})
+
+
+@pytest.mark.parametrize(
+    ("times", "values", "found"),
+    [
+        ([0.0, 0.011, 0.012], [0.0, 1.0, 0.0], ("u", 0.011)),
+        ([0.0, 0.011, 0.012], [0.0, 1.0, 2.0], None),  # a step sees the largest value
+        ([0.0, 0.010, 0.012], [0.0, 1.0, 0.0], None),  # a step begins with the second sample
+        ([0.0, 0.011, 0.012, 0.5], [0.0, 0.04, 0.0, 1.0], None),  # small
+        ([0.0, 0.091, 0.102, 0.103], [0.0, 1.0, 2.0, 1.0], None),  # after the last step
+        ([-2.0, -1.5, -1.0], [0.0, 1.0, 0.0], None),  # before the first
+    ],
+)
+def test_values_that_no_step_sees(times: list[float], values: list[float], found: tuple[str, float] | None) -> None:
+    series = SeriesPart("s", times, {"u": values}, interpolation="previous", beyond="hold")
+    assert series.missed(0.0, 1e-2, 10) == found
+    assert SeriesPart("s", times, {"u": values}, beyond="hold").missed(0.0, 1e-2, 10) is None

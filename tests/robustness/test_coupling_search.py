@@ -61,6 +61,35 @@ def test_errors_that_add_up_are_told(seed: int, run: str, tmp_path: Path) -> Non
     assert judge(case, answers, run, made) == "warned"
 
 
+@pytest.mark.parametrize(
+    ("seed", "run"),
+    some(
+        [
+            *((seed, "newton") for seed in (469, 1000, 1135)),
+            *((seed, run) for seed in (1177, 1193) for run in ("newton", "adaptive")),
+            *((seed, run) for seed in (1526, 1652) for run in ("newton", "composite")),
+        ],
+        [(469, "newton"), (1193, "newton"), (1526, "newton"), (1652, "newton")],
+    ),
+)
+def test_errors_that_were_tolerated(seed: int, run: str, tmp_path: Path) -> None:
+    """Errors of many parts of a step that add up (469, 1000, 1135); errors that are small compared with a force that
+    was large for an instant (1177, 1193); the force while a mass rests from the start (1526) or turns round (1652)."""
+    case, made = draw(seed), Composites(tmp_path)
+    answers = References(case)
+    assert answers.found
+    assert judge(case, answers, run, made) == "right"
+
+
+@pytest.mark.parametrize("run", some(["newton", "adaptive", "composite"], ["newton"]))
+def test_a_load_that_changes_twice_within_a_step(run: str, tmp_path: Path) -> None:
+    """No master sees the first change."""
+    case, made = draw(1242), Composites(tmp_path)
+    answers = References(case)
+    assert answers.found
+    assert judge(case, answers, run, made) == "warned"
+
+
 @pytest.mark.parametrize("ratio", some([0.25, 0.79, 1.3, 3.7], [1.3]))
 def test_a_slip_that_begins_late_in_an_inner_step(ratio: float, tmp_path: Path) -> None:
     """A light mass slips within two thirds of an inner step, of which a part lies in the next one."""
