@@ -196,8 +196,8 @@ def _warn_of_missed_values(system: Assembly, plan: Plan) -> None:
             found := series.missed(plan.start, every * plan.step, plan.ticks // every)
         ):
             _LOG.warning(
-                "%s.%s changes at t = %.12g s and again before the next step, which does not see this value: the "
-                "result is wrong; use a shorter step",
+                "%s.%s changes at t = %.12g s and again before the next step: the run leaves this value out; use a "
+                "shorter step",
                 part.name,
                 *found,
             )
