@@ -130,6 +130,7 @@ static int restart(Engine *e, Newton *newton, int64_t number, double t)
 {
     const Group *const g = &newton->groups[number];
     const bool sticks = newton->guards[number].jumped;
+    newton->jumped = sticks; /* it may be that of another loop, or of another copy in a batch */
     int status = refresh(e, newton, g, t);
     if (status != SOLVED)
         return status;

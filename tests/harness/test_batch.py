@@ -173,6 +173,26 @@ def test_a_copy_does_not_depend_on_the_others(build_fmu: BuildFmu, model: str) -
             np.testing.assert_array_equal(together[:, [copy]], stepped([copy]))
 
 
+def test_a_copy_does_not_know_that_another_one_sticks(build_fmu: BuildFmu) -> None:
+    """Their loads jump in each step; some stick, others slip."""
+    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu("Stiction"))]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
+    start = {"mass.m": 0.01, "mass.k": 30.0, "mass.d": 0.05, "mass.F_drive": 0.0}
+    start |= {"friction.Fc": 1.0, "friction.Fs": 1.6, "friction.Fv": 0.01}
+    forces = np.random.default_rng(1).uniform(-4.0, 4.0, (12, 4, 1))
+
+    def stepped(copies: list[int]) -> np.ndarray:
+        with system.batch(
+            len(copies), inputs=["mass.F_drive"], outputs=["mass.x", "friction.F"], master="newton", step=0.01
+        ) as made:
+            return np.array([made.step(rows[copies], 1).copy() for rows in forces])
+
+    with System(parts, wires, start) as system:
+        together = stepped([0, 1, 2, 3])
+        for copy in range(4):
+            np.testing.assert_array_equal(together[:, [copy]], stepped([copy]))
+
+
 def test_inputs_have_the_order_and_the_start_values_that_were_given(servo: Callable[..., System]) -> None:
     starts = np.array([0.0, 1e-3, 2e-3])
     with servo() as system, system.batch(3, inputs=["pid.enable", "pid.r"], outputs=["pid.u"]) as flag_first:
