@@ -13,9 +13,9 @@ from typing import Any
 
 INTRODUCTION = """# Performance
 
-A sample of any compensator takes at most 0.2 µs as an FMU. A closed loop with LuGre friction takes 2 ms for 1 s in
-steps of 0.1 ms: the engine is about as fast as the same loop written in C, and 20 to 340 times as fast as fmpy, ecos
-and libcosim. A ratio below 1 in the tables means faster than the other program.
+A sample of any compensator takes at most 0.3 µs as an FMU. A closed loop with LuGre friction takes 2 ms for 1 s in
+steps of 0.1 ms: the engine is faster than a loop in C that calls the functions of FMI, and 30 to 230 times as fast as
+fmpy, ecos and libcosim. A ratio below 1 in the tables means faster than the other program.
 
 A ratio of times compares the fastest rounds of two programs that run in turn. Ratios vary by some 20 % between
 machines and runs; errors do not. To repeat the measurements (ecos needs Debian's libtbb12):

@@ -12,7 +12,7 @@ static double stribeck(const law_parameters *p, double speed)
 /* Does no more than this sample needs. */
 static void branching(const law_parameters *p, law_states *s, const law_inputs *in, law_outputs *out)
 {
-    out->fault = !(isfinite(in->r) && isfinite(in->x) && isfinite(in->v));
+    out->fault = !(isfinite(in->r) && isfinite(in->x) && isfinite(in->v) && isfinite(in->Fn));
     if (out->fault)
         return;
     if (in->reset || !in->enable)
@@ -24,7 +24,8 @@ static void branching(const law_parameters *p, law_states *s, const law_inputs *
     const double rate = p->sigma0 * fabs(in->v) / stribeck(p, fabs(in->v));
     const double injected = p->k * (in->r - in->x);
     double slope = in->v + injected - rate * s->z;
-    const double F = p->sigma0 * s->z + p->sigma1 * slope + p->sigma2 * in->v, wanted = p->gain * F;
+    const double load = fmax(in->Fn, 0.0) / p->Fn0;
+    const double F = load * (p->sigma0 * s->z + p->sigma1 * slope) + p->sigma2 * in->v, wanted = p->gain * F;
     out->F_hat = F;
     if (wanted < p->u_min) {
         out->u = p->u_min;
@@ -49,12 +50,13 @@ static void branching(const law_parameters *p, law_states *s, const law_inputs *
 /* Computes everything and selects; the compiler may still branch. */
 static void branch_free(const law_parameters *p, law_states *s, const law_inputs *in, law_outputs *out)
 {
-    const int ok = isfinite(in->r) & isfinite(in->x) & isfinite(in->v), on = in->enable, goes_on = on & !in->reset;
+    const int ok = isfinite(in->r) & isfinite(in->x) & isfinite(in->v) & isfinite(in->Fn), on = in->enable, goes_on = on & !in->reset;
     const double z = in->reset ? 0.0 : s->z, ratio = fabs(in->v) / p->vs;
     const double g = p->Fc + (p->Fs - p->Fc) * exp(-pow(ratio, p->delta));
     const double rate = p->sigma0 * fabs(in->v) / g;
     const double injected = p->k * (in->r - in->x), slope = in->v + injected - rate * z;
-    const double F = p->sigma0 * z + p->sigma1 * slope + p->sigma2 * in->v, wanted = p->gain * F;
+    const double load = fmax(in->Fn, 0.0) / p->Fn0;
+    const double F = load * (p->sigma0 * z + p->sigma1 * slope) + p->sigma2 * in->v, wanted = p->gain * F;
     const double q = rate * p->Ts, phi = q < 1e-5 ? 1.0 - 0.5 * q : -expm1(-q) / q;
     const double limited = wanted < p->u_min ? p->u_min : wanted > p->u_max ? p->u_max : wanted;
     const double side = (double)((wanted > p->u_max) - (wanted < p->u_min));
