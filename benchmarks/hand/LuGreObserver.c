@@ -50,7 +50,8 @@ static void branching(const law_parameters *p, law_states *s, const law_inputs *
 /* Computes everything and selects; the compiler may still branch. */
 static void branch_free(const law_parameters *p, law_states *s, const law_inputs *in, law_outputs *out)
 {
-    const int ok = isfinite(in->r) & isfinite(in->x) & isfinite(in->v) & isfinite(in->Fn), on = in->enable, goes_on = on & !in->reset;
+    const int ok = isfinite(in->r) & isfinite(in->x) & isfinite(in->v) & isfinite(in->Fn), on = in->enable,
+              goes_on = on & !in->reset;
     const double z = in->reset ? 0.0 : s->z, ratio = fabs(in->v) / p->vs;
     const double g = p->Fc + (p->Fs - p->Fc) * exp(-pow(ratio, p->delta));
     const double rate = p->sigma0 * fabs(in->v) / g;
