@@ -172,6 +172,7 @@ def test_refused_commands(
     given = [each.replace("{set}", str(cases)).replace("{empty}", str(tmp_path)) for each in arguments]
     assert main(["reference", *given]) == 2
     assert message in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_case_that_is_wrong_is_refused(cases: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -53,11 +53,10 @@ def _run(options: argparse.Namespace) -> int:
         raise FrictionError("give `reference run` the folder of a set, and either --tool or --results")
     name = Path(options.name or (options.tool.split()[0] if options.tool else options.results)).name
     given = {"results": options.results, "lacks": options.lacks, "time_limit": options.timeout}
-    folder = options.folder / "results" / name
+    cases, folder, verdicts = read_cases(options.folder, options.case), options.folder / "results" / name, []
     make_folder(folder)
-    verdicts = []
     with progress_bar() as bar:
-        for case in bar.track(read_cases(options.folder, options.case), description=name):
+        for case in bar.track(cases, description=name):
             verdicts.append(verdict := run_case(case, options.tool or "", folder, **given))
             bar.console.print(f"{case.name}: {verdict.state} ({verdict.detail})", soft_wrap=True)
     write_junit(verdicts, name, folder)
