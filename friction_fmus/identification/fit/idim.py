@@ -130,7 +130,8 @@ class InverseModelSettings:
         columns : int
             Number of unknowns.
         """
-        _require_length(record, sum(self._discarded(record.Ts)) + max(25, (columns + 1) * self.decimation))
+        first, last = self._discarded(record.Ts)
+        _require_length(record, first + last + max(25, (columns + 1) * self.decimation))
 
     def _inside(self, signal: Array, Ts: float) -> Array:
         first, last = self._discarded(Ts)
@@ -247,24 +248,22 @@ COLUMNS = 8  # columns that are filtered at a time, as the filter makes several 
 
 def decimate(signal: Array, factor: int) -> Array:
     """Decimate a signal behind a zero-phase low-pass filter; the last sample is kept."""
-    # Chebyshev, type I, order 8, 0.05 dB ripple, edge at 0.8 of the new Nyquist frequency; ends as in MATLAB's decimate
+    # Chebyshev, type I, order 8, 0.05 dB ripple, edge at 0.8 of the new Nyquist frequency, forward and backward with a
+    # reflection of 24 samples, as in MATLAB's decimate
     if factor == 1:
         return signal
     if signal.ndim > 1 and signal.shape[1] > COLUMNS:
-        parts = np.split(signal, range(COLUMNS, signal.shape[1], COLUMNS), axis=1)
-        return np.hstack([decimate(part, factor) for part in parts])
-    sos, steady = _low_pass(factor)
-    smooth = np.pad(signal, ((24, 24), (0, 0))[: signal.ndim], "reflect", reflect_type="odd")
-    for _ in range(2):  # forward and backward
-        smooth = scipy.signal.sosfilt(sos, smooth, axis=0, zi=np.multiply.outer(steady, smooth[0]))[0][::-1]
-    return smooth[24 + (len(signal) - 1) % factor : 24 + len(signal) : factor]
+        parts = range(0, signal.shape[1], COLUMNS)
+        return np.hstack([decimate(signal[:, begin : begin + COLUMNS], factor) for begin in parts])
+    smooth = np.asarray(scipy.signal.sosfiltfilt(_low_pass(factor), signal, axis=0, padlen=24), dtype=np.float64)
+    first = (len(signal) - 1) % factor
+    return smooth[first::factor]
 
 
 @cache
-def _low_pass(factor: int) -> tuple[Array, Array]:
-    """Return the sections of the filter of `decimate` and their states at a constant 1, which take 1 ms."""
-    sos = scipy.signal.cheby1(8, 0.05, 0.8 / factor, output="sos")
-    return sos, scipy.signal.sosfilt_zi(sos)
+def _low_pass(factor: int) -> Array:
+    """Return the sections of the filter of `decimate`."""
+    return np.asarray(scipy.signal.cheby1(8, 0.05, 0.8 / factor, output="sos"))
 
 
 def _linear_fit(
@@ -299,10 +298,11 @@ def _linear_fit(
     back = right.T / singular / length[:, None]
     covariance = coloured_covariance(back, U, residual, [len(residual)], correlation_length(residual))
 
+    errors = np.sqrt(np.diag(covariance))
     units = {"M": record.units.inertia, "Fv": record.units.viscous}
     parameters = {
         name: Estimate(name, float(value), float(error), units.get(name, record.units.force))
-        for name, value, error in zip(names, theta, np.sqrt(np.diag(covariance)), strict=True)
+        for name, value, error in zip(names, theta, errors, strict=True)
     }
     return InverseModelFit(
         parameters,
