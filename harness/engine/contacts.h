@@ -445,7 +445,8 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
     for (int64_t tries = 0; tries <= 2 * g->contacts; tries++, again = true) {
         int status = solve_at_rest(e, newton, g, s, again);
         bool changed = false, held = false, changes = false;
-        *rests = newton->turns = false;
+        *rests = false;
+        newton->turns = false;
         if (status == NOT_CONVERGED) { /* it may be another contact that stops */
             for (const Contact *c = first; c < last && tries == 0; c++)
                 if (!is_rest(velocity_of(newton, c)) && velocity_of(newton, c)->rigid >= 0) {

@@ -491,6 +491,17 @@ def test_the_quantiser_follows_a_moving_input(load: Load) -> None:
     assert block.get("y")[0] == 1.25
 
 
+# ---- Sum, SampledSum -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["Sum", "SampledSum"])
+def test_each_signal_of_a_sum_has_its_gain(load: Load, name: str) -> None:
+    """Decimal digits that do not mix: a wrong gain or sign shows in its own digit."""
+    signals = {"u1": 1.0, "u2": 20.0, "u3": 300.0, "u4": 4000.0}
+    gains = {"gain[1]": 1.0, "gain[2]": -2.0, "gain[3]": 3.0, "gain[4]": 0.5}
+    assert load(name).at(0.0, "y", **signals, **gains)[0] == 1.0 - 40.0 + 900.0 + 2000.0
+
+
 # ---- Record ----------------------------------------------------------------------------------------------------
 
 COLUMNS = ("r", "rd", "rdd")
