@@ -226,7 +226,7 @@ static int find_range(Engine *e, Newton *newton, const Group *g, const Contact *
         m->rigid = 1;
     else if (size > NO_JUMP)
         m->rigid = -1;
-    for (int64_t k = c->first_load; k < c->first_load + c->load_count && is_still(m) && size > NO_JUMP; k++) {
+    for (int64_t k = c->first_load; k < c->first_load + c->load_count && is_still(m) && m->rigid > 0; k++) {
         const int64_t load = newton->loads[k]; /* or a normal force */
         if (!answers(e, newton, c, s, load, FAINT * size, &rest, &status) ||
             !answers(e, newton, c, s, load, -FAINT * size, &rest, &status))
@@ -271,7 +271,7 @@ static int divide(Engine *e, Newton *newton, const Group *g, const Span *s, bool
         if (status != SOLVED)
             return status;
         *divided = true;
-        if (m->rigid < 0)
+        if (m->rigid <= 0)
             assume(e, newton, g, c, FREE, m->rests ? CHANGING : FREE);
     }
     for (const Contact *c = first; c < last && *divided; c++) {
@@ -343,6 +343,11 @@ static int solve_at_rest(Engine *e, Newton *newton, const Group *g, const Span *
     int status = evaluate(e, newton, g, s, again, &norm);
     if (status == SOLVED)
         status = divide(e, newton, g, s, &divided);
+    bool rests = !divided;
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        rests = rests || is_rest(velocity_of(newton, c));
+    if (status == SOLVED && !rests)
+        return SOLVED;
     if (status == SOLVED && divided)
         status = evaluate(e, newton, g, s, true, &norm);
     for (int tries = 0; status == SOLVED && tries < MOST_CORRECTIONS; tries++) {
