@@ -320,6 +320,17 @@ def test_a_plan_changes_with_its_parameters(load: Load) -> None:
     assert profile.get("r")[0] == -0.2
 
 
+@pytest.mark.parametrize("changed", [{"r_end": 0.3}, {"r_end": -0.1}, {"v_max": 0.2}, {"a_max": 2.0}, {"j_max": 30.0}])
+def test_a_plan_changes_within_a_motion_and_back(load: Load, changed: dict[str, float]) -> None:
+    usual = {"r_end": 0.1, "v_max": 0.25, "a_max": 2.5, "j_max": 50.0}
+    profile = load("Profile").begin(0.0)
+    for time, values in ((0.11, usual), (0.23, usual | changed), (0.31, usual | changed), (0.37, usual)):
+        profile.set(**values)
+        profile.step_to(time)
+        expected = move(np.array([time]), *values.values())[:, 0]
+        np.testing.assert_allclose(profile.get(*MOTION), expected, rtol=1e-12, atol=1e-14)
+
+
 # ---- Sine ------------------------------------------------------------------------------------------------------
 
 
