@@ -62,6 +62,17 @@ def test_damaged_bytes_are_refused(running: Instance) -> None:
     assert running.everything() == before and running.serialised() == data
 
 
+@pytest.mark.parametrize(("name", "start"), [("PrandtlTomlinson", {}), ("SwitchMass", {"v_belt": 0.0, "v0": 0.0})])
+def test_a_state_after_an_endless_rest_can_be_read(
+    build_fmu: Callable[..., Path], name: str, start: dict[str, float]
+) -> None:
+    """The next inner step would be six times as long, which is infinite."""
+    with Instance(Library(build_fmu(name))) as run:
+        run.initialise(**start)
+        run.step(0.0, 1e308)
+        assert run.try_restore(run.serialised()) == OK
+
+
 def forged(data: bytes, place: int, value: bytes) -> bytes:
     """Other bytes in the model of a serialised state, with the checksum of them: FNV-1a."""
     header = 64
