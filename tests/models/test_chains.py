@@ -691,7 +691,9 @@ def test_blocks_move_forward_only_and_hold_no_more_than_static_friction(
         for k, v in enumerate(speed):
             run.set({"v": v})
             run.step(0.7 * k, 0.7)
-            x, w, peak, moving = run.get("x", "w", "peak", "moving")
+            x, w, peak, moving, weakened = run.get("x", "w", "peak", "moving", "weakened")
+            left = 1.0 - p["sigma"]  # Carlson and Langer 1989: (1 - sigma) / (1 + 2 alpha w / (1 - sigma))
+            assert weakened == pytest.approx(left / (1.0 + 2.0 * p["alpha"] * max(w, 0.0) / left), rel=1e-12)
             assert x >= last - 1e-12 and w >= -1e-12
             assert moving == n or peak <= 1.0 + 1e-10
             assert (w > 0.0) <= (moving > 0)

@@ -59,8 +59,10 @@ def test_the_default_map_is_the_ripple_that_its_header_names() -> None:
     np.testing.assert_allclose(cogging, np.sin(2.0 * np.pi * 3.0 * turns), atol=6e-7)
     np.testing.assert_allclose(friction, 0.4 * np.cos(2.0 * np.pi * turns), atol=6e-7)
     drive = Drive(FmuPart("map", fmu("PositionMap")))
-    found = drive.run({"x": np.array([0.003, 0.0]), "v": np.array([-1.0, 0.0])}, ["F_position"], 1e-3)[1, 0]
+    inputs = {"x": np.array([0.003, 0.0]), "v": np.array([-1.0, 0.0])}
+    found, begin = drive.run(inputs, ["F_position", "x_begin"], 1e-3)[1]
     drive.close()
+    assert begin == 0.0
     assert found == pytest.approx(np.sqrt(0.5) + 0.4 * np.cos(np.pi / 12.0), abs=1e-5)
 
 
