@@ -323,7 +323,7 @@ class _Study:
         )
 
     def _settled(self) -> tuple[Data, CheckedServo, list[StudyFinding]]:
-        """Load the data, settle the servo of the configuration, and return what is found of both."""
+        """Load the data and settle the servo of the configuration; return findings on both."""
         data = load_data(self.config, self.out / CACHE)
         _check_duration(self.config, data)
         servo, record, findings = self.config.servo, data.longest, []
@@ -404,12 +404,12 @@ class _Study:
     def _judged(
         self, data: Data, models: Sequence[IdentifiedModel]
     ) -> tuple[list[IdentifiedModel], list[StudyFinding]]:
-        """Return the models without what the record does not determine, and what is found of them.
+        """Drop parameters that the record does not determine; return the models and findings on them.
 
         Raises StudyError if no model is left.
         """
-        record, looped = data.longest, any(found.row.closed_loop for found in models)
-        findings = list(loop_findings(models, looped, record.units.words))
+        record, simulated = data.longest, any(found.row.closed_loop for found in models)
+        findings = list(loop_findings(models, simulated, record.units.words))
         if models[0].row.rank is None:
             models = ranked(without_loop(models))
         judged = [without_unknown_static_friction(found) for found in models]
@@ -513,7 +513,7 @@ class _Study:
     def _claimed(
         self, data: Data, bench: AxisBench, comparison: Comparison, beyond: Sequence[str]
     ) -> tuple[StudyFinding, ...]:
-        """Return what is found of the claimed errors; `beyond` names what the simulated axis lacks."""
+        """Return findings on the claimed errors; `beyond` names effects that the simulated axis lacks."""
         metrics = comparison.recommended.metrics
         corners = {corner.name: corner.metrics for corner in comparison.recommended.corners}
         left = math.inf if metrics is None else metrics.rms
@@ -523,7 +523,7 @@ class _Study:
     def _files(
         self, data: Data, bench: AxisBench, models: Sequence[IdentifiedModel], comparison: Comparison
     ) -> list[WrittenFile]:
-        """Write what belongs to a recommendation, and compute the panel meanwhile."""
+        """Write the files of a recommendation while the panel is computed."""
         record, files = data.longest, []
         (self.out / EXPERIMENT_FILE).unlink(missing_ok=True)
         if narrow(bench, comparison.limits.band):
@@ -576,7 +576,7 @@ def find_plant(records: Sequence[Record], limit: float | None) -> FoundPlant:
 
 
 def findings_of_plants(plants: Sequence[FoundPlant], best: IdentifiedModel) -> tuple[list[StudyFinding], list[str]]:
-    """Return what was found of plants, and the names of what the axis of the best model lacks."""
+    """Return findings on the plants, and the names of effects that the axis of the best model lacks."""
     found = [finding for plant in plants for finding in plant.findings]
     simulated = {} if best.load is None else {"two-masses": "The simulated axis has both parts."}
     arm = "The simulated axis is an arm, whose gravity the feedforward compensates."

@@ -21,7 +21,7 @@
 #define HUGE_LOAD 1e12   /* of the same: a load that it does not hold */
 #define MORE      1.001  /* of the friction at such a load: one that it does not hold either */
 #define GAUSS     0.28867513459481287 /* distance of the points from the middle: root of 1/12 */
-enum { MOST_CORRECTIONS = 12 };
+enum { MOST_CORRECTIONS = 12, MOST_CARRIED = 62 /* contacts that `carries` can tell; as in newton.py */ };
 
 /* Return whether a contact at rest determines the forces of others on the same mass. */
 static bool leads(const Moving *m) { return m->high > m->low && m->leader < 0; }
@@ -33,7 +33,7 @@ static Moving *velocity_of(const Newton *newton, const Contact *c) { return &new
 static bool carries(const Newton *newton, const Group *g, const Moving *m, const Contact *c)
 {
     const int64_t number = c - contacts_of(newton, g);
-    return m->unknown == c->unknown || (number < 62 && (m->carries >> number & 1));
+    return m->unknown == c->unknown || (number < MOST_CARRIED && (m->carries >> number & 1));
 }
 
 /* Set the role of a contact: of its velocity, and of the lines that carry its force; one of several forces has the

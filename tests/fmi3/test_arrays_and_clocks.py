@@ -269,7 +269,7 @@ def test_the_clock_has_the_interval_of_ts() -> None:
         one.refuses(lambda: one.setClock([clock.valueReference], [True]), "0.0040000000000000001 s")
 
 
-def test_clocks_are_told_of_as_many_as_are_asked_for() -> None:
+def test_clock_functions_write_only_the_values_asked_for() -> None:
     """What lies behind the arrays of an importer stays as it is."""
     with Slave(three("PID"), eventModeUsed=True) as one:
         one.initialise()
