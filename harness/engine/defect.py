@@ -111,7 +111,7 @@ class Coupling:
         for data, (force, velocity) in zip(self._pair_data, pairs, strict=True):
             data.force, data.velocity = force, velocity
             data.contact, data.load = self._contact(self.wires[force], self.wires[velocity])
-            data.position = self._position(self.wires[velocity])
+            data.position = position_of(plan, self.wires[velocity])
             data.late = not (self._fresh[force] or self._fresh[velocity])
             data.F, data.v1, data.strongest = start[force], start[velocity], abs(start[force])
             if data.position >= 0:
@@ -170,12 +170,6 @@ class Coupling:
         same = plan.moving_wires[line].input == velocity.input
         return (part, loads[0]) if same and len(loads) == 1 else (-1, -1)
 
-    def _position(self, velocity: MovingWire) -> int:
-        """Return the output whose rate the velocity of a pair is; -1 if none is known."""
-        plan, part = self.plan, velocity.source
-        name = plan.parts[part].integrals.get(split_name(plan.names[velocity.output])[1])
-        return plan.columns.get(f"{plan.parts[part].name}.{name}", -1) if plan.every[part] == 1 else -1
-
     def _shown(self, wire: MovingWire) -> str:
         return f"{self.plan.names[wire.output]} -> {self.plan.names[wire.input]}"
 
@@ -189,6 +183,13 @@ class Coupling:
                 if are_power(*(self.plan.ports[self.plan.names[wire.output]] for wire in (force, velocity))):
                     found.append((i, k))
         return found
+
+
+def position_of(plan: Plan, velocity: MovingWire) -> int:
+    """Return the output whose rate a velocity is; -1 if none is known."""
+    part = plan.parts[velocity.source]
+    name = part.integrals.get(split_name(plan.names[velocity.output])[1])
+    return plan.columns.get(f"{part.name}.{name}", -1) if plan.every[velocity.source] == 1 else -1
 
 
 def _share(part: float, whole: float) -> float:

@@ -22,6 +22,7 @@ typedef struct {
     double gain, offset;      /* of the connection in this step, if there are manipulators */
     double path, distance_error; /* velocity of a contact: distance so far, and how much of it no step resolved */
     int64_t rests;               /* velocity of a contact: its role at the end of the last step */
+    double x0, strayed;          /* velocity of a contact: position of the mass at the start; see strayed() */
     double noise;                /* change per time if the unknowns change by the tolerance of the loop */
     int64_t rigid; /* velocity of a contact: 1: the friction jumps at v = 0, -1: it does not, 0: unknown */
 } Moving;
@@ -31,6 +32,7 @@ typedef struct {
     int64_t part, line, unknown;    /* the part; line of its velocity; unknown that is its force */
     int64_t first_load, load_count; /* its inputs that are forces, one of which may be the sum of the other forces */
     int64_t of_mass, of_next; /* outputs of the mass whose velocity it reads; none of a part with several masses */
+    int64_t position;         /* output whose rate that velocity is; -1: unknown */
 } Contact;
 
 /* An output of a loop that depends on no input directly and drives none in the loop, such as the position of a mass.

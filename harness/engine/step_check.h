@@ -1,7 +1,7 @@
 /* Step checks of the implicit masters. A loop may converge at every step and still be wrong: a mass on a spring that
    oscillates many times within a step amplifies small errors. Some steps are therefore solved a second time, in two
    halves: at scheduled ticks, and where a value is far from its prediction. If the mean or the end value of a line, or
-   an output that is a state, differs by more than `step_tolerance` (0.02) times its magnitude, or the distance along a
+   an output that is a state, differs by more than `step_tolerance` (0.01) times its magnitude, or the distance along a
    contact by a quarter of that, the step is divided, and the following steps are checked until undivided steps agree
    with their halves again. An undivided step that passes its check keeps its values bit for bit. In a divided step,
    newton continues from the halves: what each of many pieces is tolerated would add up.
@@ -18,7 +18,7 @@
 
 #define RUNG             4.0  /* each piece ends at so many times the part of the step at which the one before ends */
 #define NOTABLE          0.05 /* jump of an input over its magnitude */
-#define AT_START         10.0 /* factor of `step_tolerance` in the first EARLY ticks of a value that starts at 0 */
+#define AT_START         20.0 /* factor of `step_tolerance` in the first EARLY ticks of a value that starts at 0 */
 #define BENT             0.1  /* of the change over the step: deviation from a straight line */
 #define SLIGHT           1e-3 /* of the magnitude: deviation that does not matter */
 #define SPLIT            0.44 /* first half of a step: equal halves miss an oscillation of twice their frequency */
@@ -122,6 +122,30 @@ static bool begins_anew(const Newton *newton, int64_t number, int64_t tick, cons
     return s->from == 0.0 && (tick == 0 || guard->jump > least);
 }
 
+/* Return by how much the motion of a mass in a span differs from the mean velocity that its contact was given, other
+   than by rounding: a mass may swing within the span while its velocity at the ends varies slowly. */
+static double strayed(const Engine *e, const Newton *newton, const Contact *c, const Span *s)
+{
+    const Moving *const m = velocity_of(newton, c);
+    if (c->position < 0 || is_rest(m))
+        return 0.0;
+    const Line *const l = &e->lines[c->line];
+    const double x = e->signals[c->position], gain = e->gains ? e->gains[l->input] : 1.0,
+                 offset = e->gains ? e->offsets[l->input] : 0.0;
+    const double apart = fabs(gain * (x - m->x0) + (offset - l->mean) * s->h);
+    return apart > 4.0 * DBL_EPSILON * fabs(gain * x) ? apart : 0.0;
+}
+
+/* Return whether a mass strays by more than is tolerated of the distance along its contact. */
+static bool strays(const Engine *e, const Newton *newton, const Group *g, const Span *s)
+{
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        if (strayed(e, newton, c, s) > DISTANCE_FACTOR * newton->step_tolerance *
+                                           (velocity_of(newton, c)->path + s->h * fabs(e->lines[c->line].mean)))
+            return true;
+    return false;
+}
+
 /* Return whether the span that has just been solved needs a check. */
 static bool wants_check(const Engine *e, const Newton *newton, int64_t number, int64_t tick, const Span *s)
 {
@@ -130,8 +154,8 @@ static bool wants_check(const Engine *e, const Newton *newton, int64_t number, i
         return false;
     const Group *const g = &newton->groups[number];
     return guard->checks_due > 0 || guard->limited_ticks > 0 || (s->from == 0.0 && is_scheduled(guard, tick)) ||
-           feeds_back(newton, g, number) || turns_within(newton, g, s) || leaps(e, newton, g) ||
-           mispredicted(newton, g, s, tick >= guard->next ? PREDICTION_LIMIT : JUMP_LIMIT);
+           feeds_back(newton, g, number) || turns_within(newton, g, s) || strays(e, newton, g, s) ||
+           leaps(e, newton, g) || mispredicted(newton, g, s, tick >= guard->next ? PREDICTION_LIMIT : JUMP_LIMIT);
 }
 
 /* Save (or restore, if `back`) everything that a check must not change. */
@@ -267,11 +291,12 @@ static int measure_noise(Engine *e, Newton *newton, const Group *g, int64_t numb
    error that would remain: the mean counts over the whole step, of which the span is a part. An instantaneous event,
    such as a mass that stops, is never resolved, but does not matter in a span that is short enough. */
 static double difference(const Engine *e, Newton *newton, int64_t number, const Span *s, const double *whole,
-                         const double *halves, bool jumped, bool early)
+                         const double *halves, bool jumped, bool early, bool smallest)
 {
     const Group *const g = &newton->groups[number];
     StepCheck *const guard = &newton->guards[number];
     const double strength = strength_of(newton, g);
+    const double part = smallest ? 1.0 : share_of_tolerance(s), tolerance = part * newton->step_tolerance;
     double worst = 0.0, most = -1.0, farthest = 0.0;
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
@@ -282,11 +307,11 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
             if (!force && is_held(newton, g, e->sources[e->lines[k].input]))
                 continue;
             const double in_mean = fabs(whole[k] - halves[k]), at_end = jumped ? 0.0 : fabs(a->u1 - b->u1);
-            const double apart = fmax(0.0, fmax(in_mean, at_end) - (force ? 0.0 : a->noise * s->h)),
+            const double apart = fmax(0.0, fmax(part * in_mean, at_end) - (force ? 0.0 : a->noise * s->h)),
                          values = fmax(fabs(a->u1), fabs(b->u1));
             const double least = a->role == CHANGING ? NEGLIGIBLE * strength : force ? EQUAL * strength : 0.0;
             const double size = fmax(fmax(a->size, values), least);
-            const double tolerated = newton->step_tolerance * (early && a->from_rest ? AT_START : 1.0);
+            const double tolerated = tolerance * (early && a->from_rest ? AT_START : 1.0);
             const double remains = fmax((s->to - s->from) * in_mean, at_end);
             const double off = apart == 0.0 ? 0.0 : apart / (tolerated * size);
             worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
@@ -302,7 +327,7 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
             continue;
         const double kept = newton->kept_states[i], value = e->signals[newton->states[i].output];
         const double size = fmax(newton->state_sizes[i], fmax(fabs(kept), fabs(value)));
-        const double tolerated = newton->step_tolerance * (early ? AT_START : DISTANCE_FACTOR);
+        const double tolerated = tolerance * (early ? AT_START : DISTANCE_FACTOR);
         const double noise = noise_of(newton, g, newton->states[i].output) * s->h * s->h;
         const double off = fabs(kept - value) <= noise ? 0.0 : fabs(kept - value) / (tolerated * size);
         worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
@@ -312,10 +337,11 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
         if (is_held(newton, g, e->sources[e->lines[c->line].input]))
             continue;
         const Moving *const a = &newton->kept_lines[c->line];
-        const double tolerated = newton->step_tolerance * (early && a->from_rest ? AT_START : DISTANCE_FACTOR);
-        const double means = fmax(fabs(whole[c->line]), fabs(halves[c->line]));
-        const double distance_error = s->h * fabs(whole[c->line] - halves[c->line]), path = a->path + s->h * means;
-        if (distance_error <= a->noise * s->h * s->h)
+        const bool begins = early && a->from_rest; /* the distance is short, whatever the method */
+        const double tolerated = tolerance * (begins ? AT_START : DISTANCE_FACTOR);
+        const double means = fmax(fabs(whole[c->line]), fabs(halves[c->line])), path = a->path + s->h * means;
+        const double distance_error = fmax(s->h * fabs(whole[c->line] - halves[c->line]), begins ? 0.0 : a->strayed);
+        if (distance_error <= a->noise * s->h * s->h || path == 0.0)
             continue;
         worst = fmax(worst, distance_error / (tolerated * path));
         if (distance_error > farthest * path) {
@@ -363,6 +389,8 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
         whole[k] = e->lines[k].mean;
     for (int64_t i = g->state; i < g->state + g->states; i++)
         newton->kept_states[i] = e->signals[newton->states[i].output];
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        velocity_of(newton, c)->strayed = strayed(e, newton, c, s);
     keep(e, newton, g, number, false);
     int status = anew && tick == 0 ? measure_noise(e, newton, g, number, s) : SOLVED;
     if (status != SOLVED && status != 2)
@@ -377,7 +405,8 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
                                                                   : WHOLE_STEP;
     const bool early = tick < EARLY && newton->guards[number].resolves == WHOLE_STEP;
     const double found =
-        failed_halves ? INFINITY : difference(e, newton, number, s, whole, halves, jumped || halves_jumped, early);
+        failed_halves ? INFINITY
+                      : difference(e, newton, number, s, whole, halves, jumped || halves_jumped, early, smallest);
     *off = fmax(*off, turns ? fmax(found, TURNED) : found);
     newton->guards[number].checks++;
     const bool smooth = !finer && !failed_halves && !jumped && !halves_jumped;

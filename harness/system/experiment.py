@@ -14,7 +14,7 @@ LOOP_TOLERANCE: Final = 3e-8
 more."""
 
 COUPLING_TOLERANCE: Final = 1e-5  # default of `Experiment.coupling_tolerance`
-STEP_TOLERANCE: Final = 0.02  # default of `Experiment.step_tolerance`
+STEP_TOLERANCE: Final = 0.01  # default of `Experiment.step_tolerance`
 LIMITS: Final = {  # what it is, and the numbers as a message shows them
     "loop_tolerance": ("tolerance of loops", "1e-14", "0.01"),
     "coupling_tolerance": ("coupling tolerance", "1e-12", "0.01"),
