@@ -49,7 +49,7 @@ def test_friction_that_falls_with_the_velocity(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("seed", "run"),
     some(
-        [(73, "newton"), (73, "composite"), (723, "newton"), (801, "newton"), (175, "jacobi"), (681, "jacobi")],
+        [(73, "newton"), (73, "composite"), (723, "newton"), (175, "jacobi"), (681, "jacobi")],
         [(73, "newton"), (681, "jacobi")],
     ),
 )
@@ -85,7 +85,7 @@ def test_errors_that_were_tolerated(seed: int, run: str, tmp_path: Path) -> None
     ("seed", "run"),
     some(
         [
-            *((seed, "newton") for seed in (933, 1197, 1371, 1783, 1841, 1910, 1995)),
+            *((seed, "newton") for seed in (801, 933, 1197, 1371, 1783, 1841, 1910, 1995)),
             *((seed, "composite") for seed in (1555, 1565)),
             (1910, "adaptive"),
         ],
@@ -93,7 +93,7 @@ def test_errors_that_were_tolerated(seed: int, run: str, tmp_path: Path) -> None
     ),
 )
 def test_errors_that_each_check_tolerated(seed: int, run: str, tmp_path: Path) -> None:
-    """Of the pieces of divided steps, all to one side (933, 1565, 1783, 1910); of undivided ones (1197, 1555, 1995); of a
+    """Of the pieces of divided steps, all to one side (801, 933, 1565, 1783, 1910); of undivided ones (1197, 1555, 1995); of a
     contact whose mass swings within the step although its velocity at the ends varies slowly (1371, 1841)."""
     case, made = draw(seed), Composites(tmp_path)
     answers = References(case)
