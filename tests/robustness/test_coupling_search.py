@@ -93,7 +93,7 @@ def test_errors_that_were_tolerated(seed: int, run: str, tmp_path: Path) -> None
     ),
 )
 def test_errors_that_each_check_tolerated(seed: int, run: str, tmp_path: Path) -> None:
-    """Of the pieces of divided steps, all to one side (801, 933, 1565, 1783, 1910); of undivided ones (1197, 1555, 1995);
+    """Of pieces of divided steps, all to one side (801, 933, 1565, 1783, 1910); of whole steps (1197, 1555, 1995);
     of a mass that swings within the step although its velocity at the ends varies slowly (1371, 1841)."""
     case, made = draw(seed), Composites(tmp_path)
     answers = References(case)
