@@ -25,14 +25,26 @@ typedef struct {
     double r, rd;
 } Reference;
 
-/* A cyclic third-order profile from 0 to r_end and back at the time t. */
-static Reference profile(const Motion *m, double t)
+/* The phases of a cyclic third-order profile from 0 to r_end and back, with what follows from them. */
+typedef struct {
+    double t_j, t_a, T, leg, A, V, P;
+} Plan;
+
+static Plan plan(const Motion *m)
 {
     const double j = m->j_max, L = m->r_end;
     const double t_j = fmin(cbrt(L / (2.0 * j)), fmin(sqrt(m->v_max / j), m->a_max / j)), A = j * t_j;
     const double t_a = fmax(fmin(m->v_max / A, sqrt(L / A + 0.25 * t_j * t_j) - 0.5 * t_j) - t_j, 0.0);
     const double T = 4.0 * t_j + 2.0 * t_a + fmax(L / (A * (t_j + t_a)) - (2.0 * t_j + t_a), 0.0);
-    const double leg = T + m->dwell, V = A * (t_j + t_a), P = V * (t_j + 0.5 * t_a);
+    const double V = A * (t_j + t_a);
+    return (Plan){t_j, t_a, T, T + m->dwell, A, V, V * (t_j + 0.5 * t_a)};
+}
+
+/* The profile at the time t. */
+static Reference profile(const Motion *m, const Plan *by, double t)
+{
+    const double j = m->j_max, L = m->r_end, t_j = by->t_j, t_a = by->t_a, T = by->T, leg = by->leg;
+    const double A = by->A, V = by->V, P = by->P;
     double s = fmod(t, 2.0 * leg);
     const bool back = s >= leg;
     s -= back ? leg : 0.0;
@@ -74,7 +86,8 @@ double run_servo(const Motion *m, const double *pid, const double *contact, bool
     double x = 0.0, v = 0.0, F = 0.0, u = 0.0, integral = 0.0, state[64] = {0.0};
     Law *const law = gms ? GMS : LuGre_of_speed;
     const double begin = seconds();
-    Reference at = profile(m, 0.0);
+    const Plan by = plan(m); /* once, as the block keeps its plan too */
+    Reference at = profile(m, &by, 0.0);
     rows[0] = x;
     for (long k = 0; k < n; k++) {
         if (k % per == 0) {
@@ -87,7 +100,7 @@ double run_servo(const Motion *m, const double *pid, const double *contact, bool
         x += h * (v + 0.5 * h * a);
         v += h * a;
         F = law(state, contact, v, h);
-        at = profile(m, (double)(k + 1) * h);
+        at = profile(m, &by, (double)(k + 1) * h);
         rows[k + 1] = x;
     }
     return seconds() - begin;

@@ -199,8 +199,8 @@ static bool advance(Model *m, double t, double h)
         return false;
     const double last = h - sample_slack(m);
     double begin[INPUTS + 1];
-    const bool due = m->run.rest < last;
-    for (int i = 0; due && i < INPUTS; i++)
+    const bool used = m->run.rest < last || m->run.sloped;
+    for (int i = 0; used && i < INPUTS; i++)
         begin[i] = *value_of(m, inputs[i]);
     for (; m->run.rest < last; m->run.rest += m->Ts) {
         const double passed = m->run.rest > 0.0 ? m->run.rest : 0.0;
@@ -212,7 +212,7 @@ static bool advance(Model *m, double t, double h)
     }
     m->run.rest -= h;
     for (int i = 0; m->run.sloped && i < INPUTS; i++)
-        *value_of(m, inputs[i]) = (due ? begin[i] : *value_of(m, inputs[i])) + m->slope[i] * h;
+        *value_of(m, inputs[i]) = begin[i] + m->slope[i] * h;
     return true;
 }
 #else

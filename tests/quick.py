@@ -6,7 +6,8 @@ Each night, and in tests of speed and of commands, they are those of users.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -15,16 +16,19 @@ from thorough import THOROUGH
 from harness.compiling import engine_library, toolchain
 
 QUICK = (
-    *("check", "codegen", "composite", "conditions", "every_block", "exchange", "fmi3", "harness"),
-    *("interop", "laws", "modelica", "models", "reference_set", "shell"),
+    *("accuracy", "check", "codegen", "composite", "conditions", "every_block", "exchange", "export", "fmi3"),
+    *("harness", "interop", "laws", "modelica", "models", "reference_set", "shell", "study"),
+    *("identification/test_identify.py", "identification/test_injected_force.py"),
 )
-"""Folders of tests that build without optimisation."""
+"""Folders and files of tests that build without optimisation."""
 PLACES = (
-    *("accuracy", "identification", "study"),
+    "identification",
     *("slow/fuzzing", "slow/importers", "slow/test_exchange_motions.py", "slow/test_fmi3_calls.py"),
     *("docs/test_site.py", "slow/test_fmi3_of_every_block.py"),
 )
 """Folders and files of tests that simulate for long or use sanitizers; composites have fewer functions inlined."""
+PROBED_LONG = ("LeuvenFeedforward", "ModifiedLeuven", "ModifiedLeuvenFeedforward", "Multisine")
+"""Blocks whose dependencies take seconds to probe, and twice as long without optimisation."""
 
 _FOR_USERS = (toolchain.FLAGS, toolchain.SECTIONS)
 
@@ -34,24 +38,32 @@ def options() -> tuple[tuple[str, ...], ...]:
     return (toolchain.FLAGS, toolchain.SECTIONS)
 
 
-@contextmanager
-def builds_for_users() -> Iterator[None]:
+def builds_for_users() -> AbstractContextManager[None]:
     """Build as ever."""
-    with _builds(*_FOR_USERS):
-        yield
+    return _builds(*_FOR_USERS)
+
+
+def builds_of(name: str) -> AbstractContextManager[None]:
+    """Build a block whose dependencies take seconds to probe as ever, and others as the test does."""
+    return builds_for_users() if name in PROBED_LONG else nullcontext()
 
 
 @contextmanager
 def quick_builds(path: Path) -> Iterator[None]:
     """Build quickly in a test of such a file."""
+    with _builds(*_FOR_USERS) if THOROUGH else _builds(*_flags(path)):
+        yield
+
+
+@cache
+def _flags(path: Path) -> tuple[tuple[str, ...], ...]:
     flags, sections = _FOR_USERS
-    if any(path.is_relative_to(place) for place in PLACES):
-        sections = (*sections, "-fno-inline-functions")  # flags of object files
-    elif any(path.is_relative_to(place) for place in QUICK):
+    if any(path.is_relative_to(place) for place in QUICK):
         # zig adds checks for undefined behaviour where nothing is optimised
         flags = (*("-O0" if flag == "-O2" else flag for flag in flags), "-fno-sanitize=undefined")
-    with _builds(*_FOR_USERS) if THOROUGH else _builds(flags, sections):
-        yield
+    elif any(path.is_relative_to(place) for place in PLACES):
+        sections = (*sections, "-fno-inline-functions")  # flags of object files
+    return flags, sections
 
 
 @contextmanager

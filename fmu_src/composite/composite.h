@@ -316,6 +316,7 @@ static bool set_start_values(Instance *c)
         m->moving[k].inner = line_data[k].inner;
         m->moving[k].unknown = line_data[k].unknown;
         m->moving[k].is_force = line_data[k].is_force;
+        m->moving[k].carries = line_data[k].carries;
     }
     c->refreshed = c->told = c->ended = false;
     MODE(c) = INSTANTIATED;
@@ -840,8 +841,9 @@ static bool plausible(const Memory *m)
     }
     for (int64_t k = 0; k < LINES; k++)
         good = good && m->moving[k].inner == line_data[k].inner && m->moving[k].unknown == line_data[k].unknown &&
-               m->moving[k].is_force == line_data[k].is_force && is_bit(m->moving[k].from_rest) &&
-               in_range(m->moving[k].role, FREE, CHANGING) && in_range(m->moving[k].rests, FREE, IN_JUMP) &&
+               m->moving[k].is_force == line_data[k].is_force && m->moving[k].carries == line_data[k].carries &&
+               is_bit(m->moving[k].from_rest) && in_range(m->moving[k].role, FREE, CHANGING) &&
+               in_range(m->moving[k].rests, FREE, CHANGING) && in_range(m->moving[k].force, FREE, CHANGING) &&
                in_range(m->moving[k].rigid, -1, 1);
     for (int64_t g = 0; g < GROUPS; g++)
         good = good && plausible_guard(&m->guards[g]);

@@ -166,7 +166,7 @@ typedef struct {
 } DelayData;
 
 typedef struct {
-    int64_t inner, unknown, is_force;
+    int64_t inner, unknown, is_force, carries;
 } LineData;
 
 #endif

@@ -72,7 +72,7 @@ static inline bool rodas_accepts(RodasSize *step, double error)
     if (!accepted)
         step->size = step->taken * fmin(factor, 0.9);
     else
-        step->size = step->last ? fmax(step->size, step->taken * factor) : step->taken * factor;
+        step->size = fmin(step->last ? fmax(step->size, step->taken * factor) : step->taken * factor, DBL_MAX);
     return accepted;
 }
 

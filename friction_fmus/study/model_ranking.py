@@ -422,25 +422,26 @@ def refine(
         found = with_load(found, load, measured)
     if not unfitted or (load is not None and found.error is None):
         return found
-    rows = {p.name: p for p in found.row.parameters}
-    free = [p for p in rows.values() if p.determined]
+    free = [p for p in found.row.parameters if p.determined]
     free = [p for p in free if (p.value > 0.0 and p.name not in VALUES - {"a"}) or p.name == "OF"]
     level = max((found.values.get(name, 0.0) for name in ("Fc", "Fs", "f1")), default=0.0)
     if "M" not in {p.name for p in free} or not level:
         return found
-
-    def step(p: IdentifiedParameter) -> float:
-        return 0.02 * level if p.name == "OF" else _STEPS.get(p.name, 0.04) * p.value
-
     contact = contact_model(found.block, ROTARY if measured.trajectory.rotary else LINEAR)
-    known = contact.parameters
-    tied = {"Fs": "Fc"} if found.row.name == INVERSE else {}  # Coulomb friction alone
 
     def unknown(p: IdentifiedParameter) -> Unknown:
+        step = 0.02 * level if p.name == "OF" else _STEPS.get(p.name, 0.04) * p.value
         lower = -np.inf if p.name == "OF" else 1e-3 * p.value
-        if p.name in known:
-            return Unknown(p.name, p.value, step(p), p.unit, max(lower, known[p.name].lower), known[p.name].upper)
-        return Unknown(p.name, p.value, step(p), p.unit, lower)
+        if (known := contact.parameters.get(p.name)) is None:
+            return Unknown(p.name, p.value, step, p.unit, lower)
+        return Unknown(p.name, p.value, step, p.unit, max(lower, known.lower), known.upper)
+
+    def with_values(values: Mapping[str, float]) -> IdentifiedModel:
+        own = {name: values.get(name, value) for name, value in found.values.items()}
+        own |= {"Fs": own["Fc"]} if found.row.name == INVERSE else {}  # Coulomb friction alone
+        own |= {"Fn0": contact.level(own)} if found.plant.loaded else {}
+        terms = found.terms | (dict.fromkeys(SHARES, values["a"]) if "a" in values else {})
+        return replace(found, values=own, mass=values["M"], offset=values.get("OF", found.offset), terms=terms)
 
     unknowns, simulations = [unknown(p) for p in free], found.row.simulations
     names = [unknown.name for unknown in unknowns]
@@ -450,13 +451,7 @@ def refine(
 
         @cache  # the second search begins where the first one ends
         def path(*given: float) -> Array:
-            values = dict(zip(names, given, strict=True))
-            own = {name: values.get(name, value) for name, value in found.values.items()}
-            own |= {name: own[other] for name, other in tied.items()}
-            own |= {"Fn0": contact.level(own)} if found.plant.loaded else {}
-            terms = found.terms | (dict.fromkeys(SHARES, values["a"]) if "a" in values else {})
-            offset = values.get("OF", found.offset)
-            plant = replace(found.plant, values=own, mass=values["M"], offset=offset, terms=terms)
+            plant = with_values(dict(zip(names, given, strict=True))).plant
             start = start_of(plant, system.parts, trajectory.x0)
             return run_loop(system.with_start({**start, **constant_force(plant, -plant.offset)})).q
 
@@ -478,36 +473,23 @@ def refine(
     errors = {name: estimate.standard_error for name, estimate in fit.parameters.items()}
     weak = weak_parameters(contact, list(values), values, errors, fit.correlation, {}, ())
 
-    def replaced(p: IdentifiedParameter) -> IdentifiedParameter:
+    def fitted(p: IdentifiedParameter) -> IdentifiedParameter:
         if p.name not in values:
             return p
         # the search itself is not more accurate than `EQUAL`
         error = float(np.hypot(errors[p.name], EQUAL * p.value)) if np.isfinite(errors[p.name]) else None
         return replace(p, value=values[p.name], standard_error=error, weak=weak.get(p.name, ""))
 
-    now = {name: values.get(name, value) for name, value in found.values.items()}
-    now |= {name: now[other] for name, other in tied.items()}
-    now |= {"Fn0": contact.level(now)} if found.plant.loaded else {}
-    below = now.get("Fs", np.inf) < BELOW * now.get("Fc", 0.0)
-    refined = IdentifiedModel(
-        replace(
-            found.row,
-            warnings=tuple(text for text in found.row.warnings if below or not text.startswith(FS_BELOW_FC)),
-            method=f"{found.row.method}, then closed-loop",
-            parameters=tuple(replaced(p) for p in rows.values()),
-            simulations=simulations,
-        ),
-        found.block,
-        now,
-        values["M"],
-        values.get("OF", found.offset),
-        found.error,
-        predicted=found.predicted,
-        position_map=found.position_map,
-        load=found.load,
-        terms=found.terms | (dict.fromkeys(SHARES, values["a"]) if "a" in values else {}),
+    refined = with_values(values)
+    below = refined.values.get("Fs", np.inf) < BELOW * refined.values.get("Fc", 0.0)
+    row = replace(
+        found.row,
+        warnings=tuple(text for text in found.row.warnings if below or not text.startswith(FS_BELOW_FC)),
+        method=f"{found.row.method}, then closed-loop",
+        parameters=tuple(map(fitted, found.row.parameters)),
+        simulations=simulations,
     )
-    return _better(found, in_closed_loop(refined, measured), train, unfitted)
+    return _better(found, in_closed_loop(replace(refined, row=row), measured), train, unfitted)
 
 
 def _better(

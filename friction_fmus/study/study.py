@@ -262,84 +262,34 @@ class _Study:
     panel: WhatIf | str = ""
 
     def run(self) -> StudyResult:
+        """Run the stages one after the other."""
         self.progress(0.0)
-        data = load_data(self.config, self.out / CACHE)
-        _check_duration(self.config, data)
-        guessed = estimate_servo(data.longest) if self.config.servo is None and data.longest.units.known else None
-        if guessed is not None:
-            self.config = replace(self.config, servo=guessed.servo)
-        servo = self.config.servo
-        if servo is not None and servo.quantum == OF_RECORD:
-            self.config = replace(self.config, servo=replace(servo, quantum=data.longest.quantum))
-        check_fits(self.config, data.longest)
-        checked = check_servo(data.longest, self.config.servo)
-        self.config = replace(self.config, servo=checked.servo or self.config.servo)
-        data = data.with_total_force(checked.included)
-        findings = [*([] if guessed is None else [guessed.finding]), *checked.result.findings]
-        named = {finding.name for finding in findings}
-        findings += [each for each in force_findings(data.records, self.config.servo) if each.name not in named]
-        about = data.measurement.findings if data.measurement is not None else ()
-        findings += [
-            StudyFinding(each.name, each.what, each.measure, True) for each in about if each.name in FORBIDDING
-        ]
-        limit = servo.force_limit if servo is not None else None
-        step = Step("plant", find_plant, (data.records, limit), FoundPlant)
-        models, plants = self._models(data, checked, [step] * self._goes_on(findings))
-        shown = [finding for plant in plants for finding in plant.findings]
-        simulated = {} if models[0].load is None else {"two-masses": "The simulated axis has both parts."}
-        arm = "The simulated axis is an arm, whose gravity the feedforward compensates."
-        simulated |= dict.fromkeys(("gravity", "force-over-position"), arm) if "G_sin" in models[0].terms else {}
-        own = [StudyFinding(each.name, each.what, simulated.get(each.name, each.measure)) for each in shown]
-        findings = sorted([*findings, *own], key=lambda each: each.name != "saturated")
-        known = self.config.resonances or tuple(plant.load.resonance for plant in plants if plant.load is not None)
-        self.config = replace(self.config, resonances=known)
-        beyond = [each.name for each in shown if each.name in NOT_SIMULATED and each.name not in simulated]
-        findings += loop_findings(models, any(found.row.closed_loop for found in models), data.longest.units.words)
-        if models[0].row.rank is None:
-            models = ranked(without_loop(models))
-        models = [without_unknown_static_friction(found) for found in models]
-        best = models[0]
-        findings += [*static_friction_findings(best, data.longest.units), *bias_findings(best, data.longest)]
-        findings += dry_friction_findings(models, data.longest)
+        data, checked, findings = self._settled()
+        models, plants = self._models(data, checked, self._goes_on(findings))
+        seen, beyond = findings_of_plants(plants, models[0])
+        findings = sorted([*findings, *seen], key=lambda each: each.name != "saturated")
+        loads = [plant.load for plant in plants if plant.load is not None]
+        resonances = self.config.resonances or tuple(load.resonance for load in loads)
+        self.config = replace(self.config, resonances=resonances)
+        models, of_models = self._judged(data, models)
+        findings += of_models
+        best, record = models[0], data.longest
         if not any(finding.stops for finding in findings):  # otherwise the mass is a consequence
-            findings += mass_findings(self.config.servo, best, data.longest.units.words)
-        if best.row.rank is None:
-            raise StudyError(
-                f"No friction model could be identified from {data.longest.name!r}; reason of the first one: "
-                f"{best.row.reason}"
-            )
+            findings += mass_findings(self.config.servo, best, record.units.words)
         goes_on = self._goes_on(findings)
         missing = self._missing(data, best) if goes_on else not_trusted(findings)
+        written = goes_on and record.units.known
+        files = list(export_models(self.out, models, data.rotary, record.citation)) if written else []
         comparison: Comparison | None = None
         conditions: tuple[ConditionResult, ...] = ()
-        written = goes_on and data.longest.units.known
-        files = list(export_models(self.out, models, data.rotary, data.longest.citation)) if written else []
         if not missing:
             bench = self._bench(data, best)
             comparison = self._comparison(data, models, bench)
-            band = comparison.limits.band
-            metrics = comparison.recommended.metrics
-            left = math.inf if metrics is None else metrics.rms
-            corners = {corner.name: corner.metrics for corner in comparison.recommended.corners}
-            late = 0.0 if (found := corners.get(LATE)) is None else found.rms
-            findings += claim_findings(bench, band, beyond, data.longest.units, left, late)
-            (self.out / EXPERIMENT_FILE).unlink(missing_ok=True)
-            if narrow(bench, band):
-                level = AxisKnowledge(bench.servo, bench.plant, {}).level
-                write_experiment(self.out, next_experiment(bench, level), data.longest.units.position)
-                files.append(WrittenFile(EXPERIMENT_FILE, "Reference to record next: a chirp on a slow motion"))
-            figures = None if metrics is None else Figures(metrics.rms, data.longest.units.position)
-            name, citation = data.longest.name, data.longest.citation
-            with ThreadPoolExecutor(1) as thread:  # which mostly waits for a compiler
-                panel = thread.submit(self._panel, bench, comparison)
-                files += export_recommended(self.out, bench, comparison.chosen, name, citation, figures)
-                (axis,) = identified_axes(models[:1], data.longest, self.config.servo, comparison)
-                files += export_sheet(self.out, axis)
-                conditions = conditions_of(bench, comparison.chosen)
-                self.panel = panel.result()
+            findings += self._claimed(data, bench, comparison, beyond)
+            files += self._files(data, bench, models, comparison)
+            conditions = conditions_of(bench, comparison.chosen)
         self.progress(0.97)
-        axes = identified_axes(models, data.longest, self.config.servo, comparison)
-        record = data.longest
+        axes = identified_axes(models, record, self.config.servo, comparison)
         files += settings_of(self.config, data, self.out)
         files += [
             WrittenFile("report.html", "Report of the study"),
@@ -372,20 +322,40 @@ class _Study:
             axes=axes if written else (),
         )
 
+    def _settled(self) -> tuple[Data, CheckedServo, list[StudyFinding]]:
+        """Load the data, settle the servo of the configuration, and return what is found of both."""
+        data = load_data(self.config, self.out / CACHE)
+        _check_duration(self.config, data)
+        servo, record, findings = self.config.servo, data.longest, []
+        if servo is None and record.units.known and (guessed := estimate_servo(record)) is not None:
+            servo, findings = guessed.servo, [guessed.finding]
+        if servo is not None and servo.quantum == OF_RECORD:
+            servo = replace(servo, quantum=record.quantum)
+        self.config = replace(self.config, servo=servo)
+        check_fits(self.config, record)
+        checked = check_servo(record, servo)
+        self.config = replace(self.config, servo=checked.servo or servo)
+        data = data.with_total_force(checked.included)
+        findings += checked.result.findings
+        named = {finding.name for finding in findings}
+        findings += [each for each in force_findings(data.records, self.config.servo) if each.name not in named]
+        about = data.measurement.findings if data.measurement is not None else ()
+        findings += [
+            StudyFinding(each.name, each.what, each.measure, True) for each in about if each.name in FORBIDDING
+        ]
+        return data, checked, findings
+
     def _goes_on(self, findings: Sequence[StudyFinding]) -> bool:
         """Return whether the servo is simulated and files are written."""
         return self.force or not any(finding.stops for finding in findings)
 
     def _models(
-        self, data: Data, checked: CheckedServo, beside: Sequence[Step]
+        self, data: Data, checked: CheckedServo, simulated: bool
     ) -> tuple[list[IdentifiedModel], list[FoundPlant]]:
-        """Identify all models, fit the best ones to the closed loop unless the servo is wrong, and rank them.
-
-        The steps `beside` run at the same time; there are none if the servo is wrong.
-        """
+        """Identify all models and rank them; if the servo is simulated, find its load and fit the best ones to it."""
         config = self.config
         measured = None
-        if config.servo is not None and beside and data.longest.units.known:
+        if config.servo is not None and simulated and data.longest.units.known:
             name = identifier(data.longest.name)
             measured = measured_servo(data, config.servo, self.out / CACHE, name, checked.injected)
         names = list(identifiable()) if config.models == ALL else list(config.models)
@@ -408,6 +378,8 @@ class _Study:
         if "inverse" in known:
             arguments = (data.longest, known["inverse"])
             steps.append(Step("model-published", published_model, arguments, IdentifiedModel))
+        limit = config.servo.force_limit if config.servo is not None else None
+        beside = [Step("plant", find_plant, (data.records, limit), FoundPlant)] if simulated else []
         results = self._run([*steps, *beside], 0.02, 0.4)
         found, plants = results[: len(steps)], results[len(steps) :]
         if measured is None:
@@ -428,6 +400,27 @@ class _Study:
         better = {each.row.name: each for each in refined}
         rounded = config.servo.quantum / math.sqrt(12.0) if config.servo else 0.0  # rms error of a rounded position
         return ranked([better.get(each.row.name, each) for each in found], rounded), plants
+
+    def _judged(
+        self, data: Data, models: Sequence[IdentifiedModel]
+    ) -> tuple[list[IdentifiedModel], list[StudyFinding]]:
+        """Return the models without what the record does not determine, and what is found of them.
+
+        Raises StudyError if no model is left.
+        """
+        record, looped = data.longest, any(found.row.closed_loop for found in models)
+        findings = list(loop_findings(models, looped, record.units.words))
+        if models[0].row.rank is None:
+            models = ranked(without_loop(models))
+        judged = [without_unknown_static_friction(found) for found in models]
+        best = judged[0]
+        if best.row.rank is None:
+            raise StudyError(
+                f"No friction model could be identified from {record.name!r}; reason of the first one: "
+                f"{best.row.reason}"
+            )
+        findings += [*static_friction_findings(best, record.units), *bias_findings(best, record)]
+        return judged, [*findings, *dry_friction_findings(judged, record)]
 
     def _missing(self, data: Data, best: IdentifiedModel) -> str:
         """Return the reason why no compensator can be simulated; empty if they can."""
@@ -517,6 +510,36 @@ class _Study:
         steps, cautions = next_steps(bench, found, {block: model.row for block, model in sources.items()}, units)
         return replace(found, recommendation=replace(found.recommendation, next_steps=steps, cautions=cautions))
 
+    def _claimed(
+        self, data: Data, bench: AxisBench, comparison: Comparison, beyond: Sequence[str]
+    ) -> tuple[StudyFinding, ...]:
+        """Return what is found of the claimed errors; `beyond` names what the simulated axis lacks."""
+        metrics = comparison.recommended.metrics
+        corners = {corner.name: corner.metrics for corner in comparison.recommended.corners}
+        left = math.inf if metrics is None else metrics.rms
+        late = 0.0 if (found := corners.get(LATE)) is None else found.rms
+        return claim_findings(bench, comparison.limits.band, beyond, data.longest.units, left, late)
+
+    def _files(
+        self, data: Data, bench: AxisBench, models: Sequence[IdentifiedModel], comparison: Comparison
+    ) -> list[WrittenFile]:
+        """Write what belongs to a recommendation, and compute the panel meanwhile."""
+        record, files = data.longest, []
+        (self.out / EXPERIMENT_FILE).unlink(missing_ok=True)
+        if narrow(bench, comparison.limits.band):
+            level = AxisKnowledge(bench.servo, bench.plant, {}).level
+            write_experiment(self.out, next_experiment(bench, level), record.units.position)
+            files.append(WrittenFile(EXPERIMENT_FILE, "Reference to record next: a chirp on a slow motion"))
+        metrics = comparison.recommended.metrics
+        figures = None if metrics is None else Figures(metrics.rms, record.units.position)
+        with ThreadPoolExecutor(1) as thread:  # which mostly waits for a compiler
+            panel = thread.submit(self._panel, bench, comparison)
+            files += export_recommended(self.out, bench, comparison.chosen, record.name, record.citation, figures)
+            (axis,) = identified_axes(models[:1], record, self.config.servo, comparison)
+            files += export_sheet(self.out, axis)
+            self.panel = panel.result()
+        return files
+
     def _panel(self, bench: AxisBench, comparison: Comparison) -> WhatIf | str:
         """Return the axis for the what-if panel of the report, or why there is none."""
         runs = [(comparison.rows[0], Scheme(bench.servo))]
@@ -550,6 +573,16 @@ class FoundPlant:
 def find_plant(records: Sequence[Record], limit: float | None) -> FoundPlant:
     """Find what records show of an axis, see `plant_findings`."""
     return FoundPlant(*plant_findings(records, limit))
+
+
+def findings_of_plants(plants: Sequence[FoundPlant], best: IdentifiedModel) -> tuple[list[StudyFinding], list[str]]:
+    """Return what was found of plants, and the names of what the axis of the best model lacks."""
+    found = [finding for plant in plants for finding in plant.findings]
+    simulated = {} if best.load is None else {"two-masses": "The simulated axis has both parts."}
+    arm = "The simulated axis is an arm, whose gravity the feedforward compensates."
+    simulated |= dict.fromkeys(("gravity", "force-over-position"), arm) if "G_sin" in best.terms else {}
+    beyond = [each.name for each in found if each.name in NOT_SIMULATED and each.name not in simulated]
+    return [StudyFinding(each.name, each.what, simulated.get(each.name, each.measure)) for each in found], beyond
 
 
 def of_laws(found: IdentifiedModel) -> bool:

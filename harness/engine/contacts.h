@@ -17,19 +17,42 @@
 #define SOONEST   1e-6   /* of a step: break-away before it is at its beginning */
 #define STOPS     0.9999 /* of a step: a contact that stops after more of it stops at its end */
 #define STOPS_NOT 0.5    /* of a step that forces cannot stop within twice its length */
+#define FAINT     1e-3   /* of the jump of a contact: a load that it holds */
+#define HUGE_LOAD 1e12   /* of the same: a load that it does not hold */
+#define MORE      1.001  /* of the friction at such a load: one that it does not hold either */
 #define GAUSS     0.28867513459481287 /* distance of the points from the middle: root of 1/12 */
 enum { MOST_CORRECTIONS = 12 };
 
+/* Return whether a contact at rest determines the forces of others on the same mass. */
+static bool leads(const Moving *m) { return m->high > m->low && m->leader < 0; }
+
+static bool is_still(const Moving *m) { return m->u0 == 0.0 || m->still; }
+
 static Moving *velocity_of(const Newton *newton, const Contact *c) { return &newton->moving[c->line]; }
 
-/* Set the role of a contact: of its velocity, and of the lines that carry its force. */
+static bool carries(const Newton *newton, const Group *g, const Moving *m, const Contact *c)
+{
+    const int64_t number = c - contacts_of(newton, g);
+    return m->unknown == c->unknown || (number < 62 && (m->carries >> number & 1));
+}
+
+/* Set the role of a contact: of its velocity, and of the lines that carry its force; one of several forces has the
+   highest. */
 static void assume(const Engine *e, Newton *newton, const Group *g, const Contact *c, int64_t velocity, int64_t force)
 {
+    const Contact *const first = contacts_of(newton, g), *const last = first + g->contacts;
     velocity_of(newton, c)->role = velocity;
+    velocity_of(newton, c)->force = force;
     for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
-            if (newton->moving[k].unknown == c->unknown)
-                newton->moving[k].role = force;
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
+            Moving *const m = &newton->moving[k];
+            if (!carries(newton, g, m, c))
+                continue;
+            m->role = force;
+            for (const Contact *d = first; d < last; d++)
+                if (velocity_of(newton, d)->force > m->role && carries(newton, g, m, d))
+                    m->role = velocity_of(newton, d)->force;
+        }
 }
 
 /* Return whether the load of a contact at rest was its force at the start of the span, too: a mass that returns to
@@ -49,17 +72,41 @@ static bool held_at_start(const Engine *e, const Newton *newton, const Contact *
     return !lines;
 }
 
+/* Return whether two contacts read one velocity: they stop and break away together. */
+static bool is_beside(const Engine *e, const Contact *c, const Contact *d)
+{
+    const int64_t a = e->lines[c->line].input, b = e->lines[d->line].input;
+    return c == d || (e->sources[a] == e->sources[b] && (!e->gains || (e->offsets[a] == 0.0 && e->offsets[b] == 0.0)));
+}
+
+/* Return whether another contact holds the same mass. */
+static bool is_shared(const Engine *e, const Newton *newton, const Group *g, const Contact *c)
+{
+    for (const Contact *d = contacts_of(newton, g); d < contacts_of(newton, g) + g->contacts; d++)
+        if (d != c && velocity_of(newton, d)->rigid >= 0 && is_beside(e, c, d))
+            return true;
+    return false;
+}
+
 static void hold(const Engine *e, Newton *newton, const Group *g, const Contact *c)
 {
-    const Moving *const m = velocity_of(newton, c);
+    Moving *const m = velocity_of(newton, c);
+    m->leader = -1;
+    m->still = 0;
+    m->low = m->high = 0.0;
     const bool held =
-        m->rests == AT_REST || (m->u0 == 0.0 && !m->rests && c->load_count > 0 && held_at_start(e, newton, c));
+        is_shared(e, newton, g, c)
+            ? m->rests != FREE
+            : m->rests == AT_REST || (m->u0 == 0.0 && !m->rests && c->load_count > 0 && held_at_start(e, newton, c));
     assume(e, newton, g, c, AT_REST, held ? HOLDING : m->rests == IN_JUMP ? FREE : CHANGING);
 }
 
-static void let_go(const Engine *e, Newton *newton, const Group *g, const Contact *c)
+/* Let a contact move, and those beside it. */
+static void let_go(const Engine *e, Newton *newton, const Group *g, const Contact *c, bool changes)
 {
-    assume(e, newton, g, c, FREE, velocity_of(newton, c)->rests ? CHANGING : FREE);
+    for (const Contact *d = contacts_of(newton, g); d < contacts_of(newton, g) + g->contacts; d++)
+        if (is_beside(e, c, d))
+            assume(e, newton, g, d, FREE, changes || velocity_of(newton, d)->rests ? CHANGING : FREE);
 }
 
 /* Give the source of the velocity of a contact at rest the value 0. */
@@ -86,6 +133,50 @@ static void set_at_rest(const Engine *e, Newton *newton, const Group *g)
         e->signals[newton->unknowns[j]] = newton->w[j];
 }
 
+/* Compute the outputs of a loop or a part for the present inputs; again while an unknown changes, as a part may
+   be stepped before one that its outputs depend on. */
+static int refresh(Engine *e, Newton *newton, const Group *g, double t)
+{
+    bool changed = true;
+    for (int64_t sweep = 0; changed && sweep < g->count; sweep++) {
+        for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
+            newton->r[j] = e->signals[newton->unknowns[j]];
+        for (int64_t i = g->first; i < g->first + g->count; i++) {
+            EnginePart *const p = &e->parts[newton->order[i]];
+            fetch_inputs(e, p);
+            int operation = SET, status = hand_over(p, e->signals);
+            if (status <= 1) {
+                operation = GET;
+                status = fetch_outputs(p, e->signals);
+            }
+            if (status > 1) {
+                failed(e, newton->order[i], operation, status, t);
+                return status;
+            }
+            set_at_rest(e, newton, g); /* before a contact at rest reads its velocity */
+        }
+        changed = false;
+        for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
+            changed = changed || e->signals[newton->unknowns[j]] != newton->r[j];
+    }
+    return SOLVED;
+}
+
+/* Let sums of forces follow contacts at rest, whose forces at the end of a step are those that their outputs tell. */
+static int follow_rest(Engine *e, Newton *newton, const Group *g, double t)
+{
+    for (int64_t i = g->first; i < g->first + g->count; i++)
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
+            const Moving *const m = &newton->moving[k];
+            bool sums = m->carries && m->role >= HOLDING;
+            for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+                sums = sums && m->unknown != c->unknown;
+            if (sums)
+                return refresh(e, newton, g, t);
+        }
+    return SOLVED;
+}
+
 /* Step a contact once more, to this velocity, and read its force. */
 static int face(Engine *e, const Newton *newton, const Contact *c, const Span *s, double v, double *force)
 {
@@ -105,6 +196,106 @@ static int face(Engine *e, const Newton *newton, const Contact *c, const Span *s
         return SOLVED;
     failed(e, c->part, operation, status, s->t);
     return status;
+}
+
+/* Return whether the force of a contact at v = 0 is this one if it is given as the load; *force: what it is. */
+static bool answers(Engine *e, const Newton *newton, const Contact *c, const Span *s, int64_t load, double value,
+                    double *force, int *status)
+{
+    e->signals[load] = value;
+    for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
+        if (e->lines[k].input == load)
+            e->lines[k].mean = e->lines[k].end = value;
+    *status = *status == SOLVED ? face(e, newton, c, s, 0.0, force) : *status;
+    return *status == SOLVED && fabs(*force - value) <= EQUAL * fabs(value);
+}
+
+/* Find the forces between which a contact holds: those within its jump, and, unless it stops in this span, static
+   friction, which equals the load. */
+static int find_range(Engine *e, Newton *newton, const Group *g, const Contact *c, const Span *s)
+{
+    Moving *const m = velocity_of(newton, c);
+    double ends[2] = {0.0, 0.0}, rest = 0.0;
+    int status = face(e, newton, c, s, BESIDE, &ends[0]);
+    if (status == SOLVED)
+        status = face(e, newton, c, s, -BESIDE, &ends[1]);
+    if (status == SOLVED)
+        status = face(e, newton, c, s, 0.0, &rest);
+    const double size = fmax(fmax(fabs(ends[0]), fabs(ends[1])), fabs(rest));
+    if (fmax(fmax(ends[0], ends[1]), rest) - fmin(fmin(ends[0], ends[1]), rest) > fmax(NO_JUMP, EQUAL * size))
+        m->rigid = 1;
+    else if (size > NO_JUMP)
+        m->rigid = -1;
+    for (int64_t k = c->first_load; k < c->first_load + c->load_count && is_still(m) && m->rigid > 0; k++) {
+        const int64_t load = newton->loads[k]; /* or a normal force */
+        if (!answers(e, newton, c, s, load, FAINT * size, &rest, &status) ||
+            !answers(e, newton, c, s, load, -FAINT * size, &rest, &status))
+            continue;
+        for (int i = 0; i < 2; i++) {
+            double good = (i ? -FAINT : FAINT) * size, bad = good / FAINT * HUGE_LOAD;
+            const bool all = answers(e, newton, c, s, load, bad, &rest, &status);
+            if (all || answers(e, newton, c, s, load, rest, &rest, &status))
+                good = fabs(rest) > fabs(good) ? rest : good;
+            bool more = !all && answers(e, newton, c, s, load, good * MORE, &rest, &status);
+            for (int tries = 0; more && tries < MOST_BISECTIONS && fabs(bad) > (1.0 + 1e-14) * fabs(good); tries++) {
+                const double middle = copysign(sqrt(good * bad), good);
+                *(answers(e, newton, c, s, load, middle, &rest, &status) ? &good : &bad) = middle;
+            }
+            ends[i] = i ? fmin(ends[i], good) : fmax(ends[i], good);
+        }
+    }
+    m->low = fmin(ends[0], ends[1]);
+    m->high = fmax(ends[0], ends[1]);
+    for (int64_t i = g->first; i < g->first + g->count; i++) /* a force that was 0 so far has no magnitude */
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
+            if (newton->moving[k].unknown >= 0 && carries(newton, g, &newton->moving[k], c))
+                newton->scale[newton->moving[k].unknown] = fmax(newton->scale[newton->moving[k].unknown], size);
+    return status;
+}
+
+static double width(const Newton *newton, const Contact *c)
+{
+    return velocity_of(newton, c)->high - velocity_of(newton, c)->low;
+}
+
+/* Divide the force that holds a mass between contacts beside one another, in the ratio of what each holds at most: at
+   rest, any other division is as good. */
+static int divide(Engine *e, Newton *newton, const Group *g, const Span *s, bool *divided)
+{
+    const Contact *const first = contacts_of(newton, g), *const last = first + g->contacts;
+    for (const Contact *c = first; c < last; c++) {
+        Moving *const m = velocity_of(newton, c);
+        if (!is_rest(m) || !is_shared(e, newton, g, c))
+            continue;
+        const int status = find_range(e, newton, g, c, s);
+        if (status != SOLVED)
+            return status;
+        *divided = true;
+        if (m->rigid <= 0)
+            assume(e, newton, g, c, FREE, m->rests ? CHANGING : FREE);
+    }
+    for (const Contact *c = first; c < last && *divided; c++) {
+        Moving *const m = velocity_of(newton, c);
+        const Contact *leader = NULL; /* the one that holds most */
+        int64_t count = 0;
+        m->leader = -1;
+        for (const Contact *d = first; d < last; d++)
+            if (is_rest(m) && is_rest(velocity_of(newton, d)) && is_beside(e, c, d)) {
+                leader = !leader || width(newton, d) > width(newton, leader) ? d : leader;
+                count++;
+            }
+        if (!leader || count == 1 || width(newton, leader) == 0.0)
+            m->low = m->high = 0.0;
+        else if (leader != c) {
+            const Moving *const one = velocity_of(newton, leader);
+            const int64_t a = e->lines[c->line].input, b = e->lines[leader->line].input;
+            const bool opposite = e->gains && e->gains[a] * e->gains[b] < 0.0;
+            m->leader = leader->unknown;
+            m->slope = (opposite ? -1.0 : 1.0) * width(newton, c) / width(newton, leader);
+            m->base = (opposite ? m->high : m->low) - m->slope * one->low;
+        }
+    }
+    return SOLVED;
 }
 
 /* Return the largest magnitude of the force of a contact. */
@@ -148,7 +339,17 @@ static int solve_at_rest(Engine *e, Newton *newton, const Group *g, const Span *
     double *const inverse = newton->work + 6 * most + most * most, norm = 0.0;
     for (int64_t j = g->unknown; j < g->unknown + n; j++)
         newton->w[j] = newton->w_last[j] + newton->trend[j] * s->h;
+    bool divided = false;
     int status = evaluate(e, newton, g, s, again, &norm);
+    if (status == SOLVED)
+        status = divide(e, newton, g, s, &divided);
+    bool rests = !divided;
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        rests = rests || is_rest(velocity_of(newton, c));
+    if (status == SOLVED && !rests)
+        return SOLVED;
+    if (status == SOLVED && divided)
+        status = evaluate(e, newton, g, s, true, &norm);
     for (int tries = 0; status == SOLVED && tries < MOST_CORRECTIONS; tries++) {
         if (tries % 3 == 0) {
             memcpy(r0, r, (size_t)n * sizeof(double));
@@ -168,7 +369,8 @@ static int solve_at_rest(Engine *e, Newton *newton, const Group *g, const Span *
 /* Find out whether a contact at rest holds. If not, *limit is the force at which it breaks away. If it stops within a
    span that may be divided, *share is the part of the span until then: mean friction, at the points of Gauss, and the
    load decelerate it. It does not stop if these cannot; a span without this solution is then shorter. */
-static int test(Engine *e, Newton *newton, const Contact *c, const Span *s, bool *holds, double *limit, double *share)
+static int test(Engine *e, Newton *newton, const Group *g, const Contact *c, const Span *s, bool *holds, double *limit,
+                double *share)
 {
     Moving *const m = velocity_of(newton, c);
     const double force = newton->w[c->unknown], rest = e->signals[newton->unknowns[c->unknown]];
@@ -181,9 +383,16 @@ static int test(Engine *e, Newton *newton, const Contact *c, const Span *s, bool
         if (fabs(value - sought) < fabs(load - sought))
             load = value;
     }
-    const bool by_load = isfinite(load) && (m->u0 != 0.0 || held_at_start(e, newton, c)) &&
+    const bool by_load = !leads(m) && isfinite(load) && (m->u0 != 0.0 || held_at_start(e, newton, c)) &&
                          fabs(rest - load) <= EQUAL * fmax(fabs(rest), fabs(load));
     *limit = rest;
+    if (leads(m) && is_still(m)) {
+        const double slack = EQUAL * (m->high - m->low);
+        m->role = IN_JUMP;
+        *holds = force >= m->low - slack && force <= m->high + slack;
+        *limit = force > m->high ? m->high : m->low;
+        return SOLVED;
+    }
     if (m->rigid > 0 && by_load && (m->rests || m->u0 == 0.0)) {
         m->role = AT_REST;
         *holds = true;
@@ -211,12 +420,19 @@ static int test(Engine *e, Newton *newton, const Contact *c, const Span *s, bool
     m->role = by_load ? AT_REST : IN_JUMP;
     *holds = m->rigid > 0 && stops && (by_load || in_jump);
     /* in a divided step, a contact that goes on in the other direction is located, too */
-    if (stopping && (*holds || (m->rigid > 0 && s->to - s->from < 1.0))) {
+    if (stopping && (*holds || (m->rigid > 0 && (s->to - s->from < 1.0 || leads(m))))) {
         double other = isfinite(load) ? load : rest;
         for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
             if (e->lines[k].end == load)
                 other = e->lines[k].mean;
-        const double at = (force - other) / (0.5 * (friction[0] + friction[1]) - other);
+        const double mean = 0.5 * (friction[0] + friction[1]);
+        /* the load of one of several contacts is not known, but the velocity at the end if friction acts until then */
+        const double *const inverse =
+            newton->work + 6 * newton->most_unknowns + newton->most_unknowns * newton->most_unknowns;
+        const int64_t row = c->unknown - g->unknown;
+        const double at = leads(m) ? m->u0 / (m->u0 - (mean - force) / inverse[row * (g->unknowns + 1)])
+                                   : (force - other) / (mean - other);
+        *holds = *holds || (leads(m) && fabs(at - 1.0) <= 1.0 - STOPS);
         if (*holds && (at < -SOONEST || at > 1.0 / STOPS_NOT))
             *share = fmin(*share, STOPS_NOT);
         else if (at > SOONEST && at < STOPS)
@@ -234,7 +450,8 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
     for (int64_t tries = 0; tries <= 2 * g->contacts; tries++, again = true) {
         int status = solve_at_rest(e, newton, g, s, again);
         bool changed = false, held = false, changes = false;
-        *rests = newton->turns = false;
+        *rests = false;
+        newton->turns = false;
         if (status == NOT_CONVERGED) { /* it may be another contact that stops */
             for (const Contact *c = first; c < last && tries == 0; c++)
                 if (!is_rest(velocity_of(newton, c)) && velocity_of(newton, c)->rigid >= 0) {
@@ -259,11 +476,16 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
                 }
                 continue;
             }
+            if (m->leader >= 0)
+                continue;
             double stop = 1.0;
-            status = test(e, newton, c, s, &holds, &limit, &stop);
+            status = test(e, newton, g, c, s, &holds, &limit, &stop);
             share = fmin(share, stop);
             held = held || holds;
             changes = changes || !m->rests || m->role == IN_JUMP;
+            for (const Contact *d = first; d < last; d++)
+                if (velocity_of(newton, d)->leader == c->unknown && is_rest(velocity_of(newton, d)))
+                    velocity_of(newton, d)->role = m->role;
             if (status != SOLVED || holds)
                 continue;
             if (m->rests) {
@@ -272,11 +494,16 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
                 if (at <= SOONEST && at > -SOONEST)
                     share = 0.0;
             }
-            let_go(e, newton, g, c);
-            if (!m->rests && stop * (s->to - s->from) <= SOONEST) { /* it stops at once and moves the other way */
-                assume(e, newton, g, c, FREE, CHANGING);
-                newton->turns = true;
+            const bool turns = !m->rests && stop * (s->to - s->from) <= SOONEST; /* and moves the other way */
+            if (turns && leads(m) && !m->still) {                                /* unless static friction holds it */
+                for (const Contact *d = first; d < last; d++)
+                    if (is_beside(e, c, d))
+                        velocity_of(newton, d)->still = 1;
+                changed = held = true;
+                continue;
             }
+            let_go(e, newton, g, c, turns);
+            newton->turns = newton->turns || turns;
             changed = true;
         }
         if (status != SOLVED)
@@ -297,7 +524,7 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
     }
     for (const Contact *c = first; c < last; c++)
         if (is_rest(velocity_of(newton, c)))
-            let_go(e, newton, g, c);
+            let_go(e, newton, g, c, false);
     return SOLVED;
 }
 
@@ -308,11 +535,11 @@ static bool hold_some(const Engine *e, Newton *newton, const Group *g, int64_t o
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         const Moving *const m = velocity_of(newton, c);
         const bool slows = m->u0 * m->u1 <= (1.0 - STOPS) * m->u0 * m->u0;
-        if (m->rigid >= 0 && (slows || any) && (only < 0 || only == c - contacts_of(newton, g))) {
+        if (m->rigid >= 0 && (slows || any) && (only < 0 || is_beside(e, c, contacts_of(newton, g) + only))) {
             hold(e, newton, g, c);
             held = true;
         } else if (only >= 0)
-            let_go(e, newton, g, c);
+            let_go(e, newton, g, c, false);
     }
     return held;
 }
@@ -357,7 +584,7 @@ static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, cons
     if (newton->turns && iterate(e, newton, g, number, s, true) == SOLVED)
         return SOLVED;
     for (const Contact *c = first; c < last; c++)
-        let_go(e, newton, g, c);
+        let_go(e, newton, g, c, false);
     if (solved != SOLVED)
         return solved;
     double norm = 0.0;

@@ -10,6 +10,7 @@ typedef struct {
     int64_t inner;     /* source and target are in the same loop */
     int64_t unknown;   /* index of the unknown that it reads; -1: its source is stepped before */
     int64_t is_force;  /* it has the unit of the force of a contact in the loop */
+    int64_t carries;   /* bits of the first 62 contacts in the loop whose forces it carries, also through sums */
     int64_t from_rest; /* the run begins with the value 0 */
     int64_t role;      /* in the current solution; see contacts.h */
     double u0, q0;     /* at the start */
@@ -22,9 +23,15 @@ typedef struct {
     double gain, offset;      /* of the connection in this step, if there are manipulators */
     double path, distance_error; /* velocity of a contact: distance so far, and how much of it no step resolved */
     int64_t rests;               /* velocity of a contact: its role at the end of the last step */
+    int64_t force;               /* the same: the role of its force */
     double x0, strayed;          /* velocity of a contact: position of the mass at the start; see strayed() */
     double noise;                /* change per time if the unknowns change by the tolerance of the loop */
     int64_t rigid; /* velocity of a contact: 1: the friction jumps at v = 0, -1: it does not, 0: unknown */
+    /* velocity of a contact at rest beside others, see contacts.h: the forces between which it holds; the unknown that
+       determines its force, or -1; both over this one */
+    double low, high;
+    int64_t leader, still; /* `still`: it stops at the start of the span */
+    double base, slope;
 } Moving;
 
 /* A part of a loop that turns a velocity into a force. */

@@ -53,39 +53,10 @@ static double largest_jump(const Engine *e, Newton *newton, const Group *g)
     return most;
 }
 
-/* Compute the outputs of a loop or a part for its inputs after the jump; again while an unknown changes, as a part may
-   be stepped before one that its outputs depend on. */
-static int refresh(Engine *e, Newton *newton, const Group *g, double t)
-{
-    bool changed = true;
-    for (int64_t sweep = 0; changed && sweep < g->count; sweep++) {
-        for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
-            newton->r[j] = e->signals[newton->unknowns[j]];
-        for (int64_t i = g->first; i < g->first + g->count; i++) {
-            EnginePart *const p = &e->parts[newton->order[i]];
-            fetch_inputs(e, p);
-            int operation = SET, status = hand_over(p, e->signals);
-            if (status <= 1) {
-                operation = GET;
-                status = fetch_outputs(p, e->signals);
-            }
-            if (status > 1) {
-                failed(e, newton->order[i], operation, status, t);
-                return status;
-            }
-            set_at_rest(e, newton, g); /* before a contact at rest reads its velocity */
-        }
-        changed = false;
-        for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
-            changed = changed || e->signals[newton->unknowns[j]] != newton->r[j];
-    }
-    return SOLVED;
-}
-
 /* Begin the lines to a loop or a part with the values that arrive; `which`: only lines that read an unknown, or only
-   the others. A difference within the tolerance of the solution is no jump. The mean of a line follows from its slope
-   in the last step, which a jump does not change. */
-typedef enum { ALL_LINES, KNOWN_LINES, UNKNOWN_LINES } Which;
+   the others, or only those within the loop. A difference within the tolerance of the solution is no jump. The mean of
+   a line follows from its slope in the last step, which a jump does not change. */
+typedef enum { ALL_LINES, KNOWN_LINES, UNKNOWN_LINES, INNER_LINES } Which;
 
 static void begin_lines(const Engine *e, Newton *newton, const Group *g, Which which)
 {
@@ -93,7 +64,8 @@ static void begin_lines(const Engine *e, Newton *newton, const Group *g, Which w
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
             Moving *const m = &newton->moving[k];
             const double value = arriving(e, e->lines[k].input), jump = value - m->u0;
-            if ((which == ALL_LINES || (which == UNKNOWN_LINES) == (m->unknown >= 0)) &&
+            if ((which == INNER_LINES ? m->inner
+                                      : which == ALL_LINES || (which == UNKNOWN_LINES) == (m->unknown >= 0)) &&
                 fabs(jump) > ROUNDED * newton->tolerance * fmax(m->scale, fabs(value))) {
                 m->u0 = value;
                 m->q0 += jump;
@@ -101,12 +73,12 @@ static void begin_lines(const Engine *e, Newton *newton, const Group *g, Which w
         }
 }
 
-/* Find the holding force after the jump: the solution of a step that is too short for any motion. */
-static int hold_again(Engine *e, Newton *newton, int64_t number, double t)
+/* Solve for the holding forces at this part of the step: in a step that is too short for any motion. */
+static int hold_again(Engine *e, Newton *newton, int64_t number, double t, double at)
 {
     const Group *const g = &newton->groups[number];
     const double h = ldexp(e->length, -MOST_HALVINGS);
-    const Span instant = {t, h, 0.0, h / e->length, 1.0, true};
+    const Span instant = {t, h, at, at + h / e->length, 1.0, true};
     int status = save_loop(e, newton, g, t);
     if (status == SOLVED)
         status = solve(e, newton, g, number, &instant, false);
@@ -117,10 +89,31 @@ static int hold_again(Engine *e, Newton *newton, int64_t number, double t)
         else
             status = SOLVED;
     }
-    for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++) {
-        e->signals[newton->unknowns[j]] = newton->w_last[j] = newton->w[j];
-        newton->trend[j] = 0.0;
+    for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
+        e->signals[newton->unknowns[j]] = newton->w[j];
+    return status;
+}
+
+/* Before a span, find the forces of contacts beside one another at rest, which their outputs do not tell; but not of
+   those that are about to move. */
+static int share_again(Engine *e, Newton *newton, int64_t number, double t, double at)
+{
+    const Group *const g = &newton->groups[number];
+    const Contact *const first = contacts_of(newton, g), *const last = first + g->contacts;
+    const int64_t jumped = newton->jumped;
+    bool shared = false, holds = true;
+    for (const Contact *c = first; c < last; c++)
+        shared = shared || (velocity_of(newton, c)->rests && is_shared(e, newton, g, c));
+    int status = shared ? hold_again(e, newton, number, t, at) : SOLVED;
+    for (const Contact *c = first; c < last; c++)
+        holds = holds && (!velocity_of(newton, c)->rests || is_rest(velocity_of(newton, c)));
+    if (shared && status == SOLVED)
+        status = refresh(e, newton, g, t);
+    if (shared && holds && status == SOLVED) {
+        begin_lines(e, newton, g, INNER_LINES);
+        memcpy(newton->w_last + g->unknown, newton->w + g->unknown, (size_t)g->unknowns * sizeof(double));
     }
+    newton->jumped = jumped;
     return status;
 }
 
@@ -140,7 +133,11 @@ static int restart(Engine *e, Newton *newton, int64_t number, double t)
             newton->w_last[c->unknown] = e->signals[newton->unknowns[c->unknown]];
     if (!sticks)
         return SOLVED;
-    status = hold_again(e, newton, number, t);
+    status = hold_again(e, newton, number, t, 0.0);
+    for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++) {
+        newton->w_last[j] = newton->w[j];
+        newton->trend[j] = 0.0;
+    }
     if (status == SOLVED)
         begin_lines(e, newton, g, UNKNOWN_LINES);
     return status;

@@ -95,7 +95,8 @@ static int move_part(Engine *e, Newton *newton, int64_t index, const Span *s)
 
 static inline const Contact *contacts_of(const Newton *newton, const Group *g) { return newton->contacts + g->contact; }
 
-/* Compute G(w) - w, and in *norm its magnitude over the scales. The residual of a contact at rest is its velocity. */
+/* Compute G(w) - w, and in *norm its magnitude over the scales. The residual of a contact at rest is its velocity, or,
+   beside another one, its force less its share. */
 static int evaluate(Engine *e, Newton *newton, const Group *g, const Span *s, bool again, double *norm)
 {
     for (int64_t i = g->first; i < g->first + g->count; i++) {
@@ -118,9 +119,12 @@ static int evaluate(Engine *e, Newton *newton, const Group *g, const Span *s, bo
         const double size = newton->r[j] == 0.0 ? 0.0 : scale > 0.0 ? fabs(newton->r[j]) / scale : INFINITY;
         *norm = size >= *norm ? size : isnan(size) ? INFINITY : *norm;
     }
-    for (const Contact *c = newton->contacts + g->contact; c < newton->contacts + g->contact + g->contacts; c++)
-        if (is_rest(&newton->moving[c->line]))
-            newton->r[c->unknown] = arriving(e, e->lines[c->line].input);
+    for (const Contact *c = newton->contacts + g->contact; c < newton->contacts + g->contact + g->contacts; c++) {
+        const Moving *const m = &newton->moving[c->line];
+        if (is_rest(m))
+            newton->r[c->unknown] = m->leader < 0 ? arriving(e, e->lines[c->line].input)
+                                                  : m->base + m->slope * newton->w[m->leader] - newton->w[c->unknown];
+    }
     return SOLVED;
 }
 

@@ -14,7 +14,7 @@
 #ifndef STEP_CHECK_H
 #define STEP_CHECK_H
 
-#include "contacts.h"
+#include "restart.h"
 
 #define RUNG             4.0  /* each piece ends at so many times the part of the step at which the one before ends */
 #define NOTABLE          0.05 /* jump of an input over its magnitude */
@@ -221,6 +221,8 @@ static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s
             swap_loop(e, newton, g); /* the state at the start of the span is still needed */
         if (i > 0)
             status = save_loop(e, newton, g, piece.t);
+        if (i > 0 && status == SOLVED)
+            status = share_again(e, newton, number, piece.t, piece.from);
         if (status == SOLVED)
             status = solve(e, newton, g, number, &piece, i == 0);
         for (int64_t k = 0; k < lines; k++) {
@@ -229,6 +231,8 @@ static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s
         }
         *jumped = *jumped || newton->jumped;
         *turns = *turns || (growing && status == SOLVED && turns_within(newton, g, &piece));
+        if (status == SOLVED && i + 1 < n)
+            status = follow_rest(e, newton, g, piece.t);
         if (status == SOLVED && i + 1 < n)
             accept(e, newton, g, number, &piece);
         if ((status != SOLVED || i + 1 == n) && i > 0)

@@ -79,6 +79,8 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
         piece = guard->limited_ticks > 0 ? fmin(piece, guard->limit) : piece;
         piece = p.since >= 0.0 && p.done > p.since ? fmin(piece, RUNG * (p.done - p.since)) : piece;
         int status = save_loop(e, newton, g, p.t);
+        if (status == SOLVED)
+            status = share_again(e, newton, number, p.t + p.done, p.done / h);
         int splits = 0;
         for (bool again = false; status == SOLVED; again = true) {
             const Span s = next_span(newton, number, &p, piece);
@@ -100,6 +102,9 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
             if (status == SOLVED && (checked || off == AMPLIFIED))
                 conclude(newton, number, tick, &s, off, piece <= accurate);
             if (status == SOLVED && (off <= 1.0 || piece <= accurate)) {
+                status = follow_rest(e, newton, g, s.t);
+                if (status != SOLVED)
+                    return status;
                 accept(e, newton, g, number, &end);
                 newton->substeps++;
                 if (again && splits == 0) /* the motion after a jump is soon slower */

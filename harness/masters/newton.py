@@ -27,6 +27,7 @@ from harness.masters import Master
 from harness.system.experiment import LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
 from harness.system.graph import state_outputs
 from harness.system.plan import MovingWire, Plan, Schedule
+from harness.system.wire import split_name
 
 _LOG = logging.getLogger("harness")
 
@@ -50,6 +51,9 @@ def implicit(experiment: Experiment, error: float = 0.0) -> Schedule:
         algorithm=partial(Loops, tolerance=tolerance, error=error, step_tolerance=step_tolerance), implicit=True
     )
 
+
+MOST_CARRIED: Final = 62
+"""Contacts of a loop that the bits of a line can tell; a line that reads the force of another one is known without."""
 
 OF_A_MASS: Final = 3
 """Most outputs without direct dependency of a single mass: position, velocity, and position of the support or force."""
@@ -204,14 +208,36 @@ class Loops(Algorithm):
         engine.advance_by("newton_tick", data)
         library().newton_begin(ctypes.addressof(engine.data), ctypes.addressof(data))
 
-    def lines(self) -> list[tuple[int, int, int]]:
+    def _carried(self) -> list[int]:
+        """Return for each line the bits of the contacts whose forces it carries, at once but not through contacts."""
+        names, parts, contacts = self.plan.names, self.plan.parts, {row[0] for row in self.contacts}
+        inner, after = set(self.inner), dict[int, list[int]]()
+        for line, wire in enumerate(self.wires):
+            if wire in inner:
+                after.setdefault(wire.output, []).append(line)
+        carried = [0] * len(self.wires)
+        for group in self.rows:
+            for bit in range(min(group.contacts, MOST_CARRIED)):
+                outputs = [self.unknowns[self.contacts[group.contact + bit][2]]]
+                for line in (line for output in outputs for line in after.get(output, ())):
+                    wire, new = self.wires[line], not carried[line] >> bit & 1
+                    carried[line] |= 1 << bit
+                    if new and wire.target not in contacts:
+                        direct, port = parts[wire.target].dependencies, split_name(names[wire.input])[1]
+                        signals = range(*self.plan.outputs[wire.target])
+                        outputs += [signal for signal in signals if port in direct[split_name(names[signal])[1]]]
+        return carried
+
+    def lines(self) -> list[tuple[int, int, int, int]]:
         """Return the first numbers of `Moving` for each line."""
         ports, names = self.plan.ports, self.plan.names
         found = []
-        for wire, unknown in zip(self.wires, self.numbers, strict=True):
+        for wire, unknown, carries in zip(self.wires, self.numbers, self._carried(), strict=True):
             mine = self.groups[next(i for i, parts in enumerate(self.groups) if wire.target in parts)]
             forces = {unit_of(ports[names[self.unknowns[row[2]]]]) for row in self.contacts if row[0] in mine}
-            found.append((int(wire in self.inner), unknown, int(unit_of(ports[names[wire.output]]) in forces - {None})))
+            found.append(
+                (int(wire in self.inner), unknown, int(unit_of(ports[names[wire.output]]) in forces - {None}), carries)
+            )
         return found
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:

@@ -185,6 +185,65 @@ def test_other_forms(form: str, master: str, tmp_path: Path) -> None:
     assert not warned.texts
 
 
+def side_by_side(wiring: str, models: Sequence[str]) -> System:
+    """A mass on contacts whose friction is 1 N and 1.5 N at rest together, added by a sum."""
+    parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("Sum"))]
+    wires: list[str | Wire] = ["friction.y -> mass.F_friction"]
+    start = dict(PULLED)
+    levels_of = {1: ((1.0, 1.5),), 2: ((0.6, 0.7), (0.4, 0.8)), 3: ((0.5, 0.7), (0.3, 0.6), (0.2, 0.2))}[len(models)]
+    for i, (model, (Fc, Fs)) in enumerate(zip(models, levels_of, strict=True), 1):
+        arm = -2.0 if wiring == "lever" and i == 2 else 1.0
+        parts.append(FmuPart(f"c{i}", fmu(model)))
+        wires += [Wire("mass.v", f"c{i}.v", gain=arm), f"c{i}.F -> friction.u{i}"]
+        start[f"friction.gain[{i}]"] = arm
+        start |= {f"c{i}.{key}": value for key, value in levels(model, Fc / abs(arm), Fs / abs(arm)).items()}
+        if wiring == "others":  # each reads the sum of the other forces, friction of its neighbours included
+            parts.append(FmuPart(f"s{i}", fmu("Sum")))
+            wires += [f"mass.F_ext -> s{i}.u1", f"s{i}.y -> c{i}.F_ext"]
+            for place, j in enumerate((j for j in range(1, len(models) + 1) if j != i), 2):
+                wires.append(f"c{j}.F -> s{i}.u{place}")
+                start[f"s{i}.gain[{place}]"] = -1.0
+        else:
+            wires.append(Wire("mass.F_ext", f"c{i}.F_ext", gain=1.0 if wiring == "whole" else Fs / 1.5 / arm))
+    return System(parts, wires, start)
+
+
+SIDE_BY_SIDE = [
+    ("shares", ("Stiction",)),
+    ("others", ("Stiction", "Karnopp")),
+    ("lever", ("Stiction", "DeadZoneTorque")),
+    ("shares", ("DeadZoneTorque", "Stiction")),
+    ("whole", ("Stribeck", "Tustin")),
+    ("whole", ("Stiction", "Karnopp", "Coulomb")),
+]
+
+
+@pytest.mark.parametrize(("wiring", "models"), some(SIDE_BY_SIDE, SIDE_BY_SIDE[:3]))
+@pytest.mark.parametrize(
+    ("master", "step"),
+    some([(master, step) for master in ("newton", "adaptive") for step in (1e-2, 1e-3)], [("newton", 1e-2)]),
+)
+def test_contacts_side_by_side(master: str, step: float, wiring: str, models: Sequence[str]) -> None:
+    """The mass moves as on one contact with the sum of the friction, however it is divided at rest."""
+    names = ["mass.x", "mass.v", "friction.y"]
+    with side_by_side(wiring, models) as system, Warnings() as warned:
+        result = system.run(stop=24.0, step=step, master=master, record=names)
+    found = misses("pulled", "Stiction", result.rename({"friction.y": "friction.F"}), step)
+    assert found == pytest.approx({"x": 0.0, "v": 0.0, "F": 0.0}, abs=max(2e-3, 0.3 * step))
+    assert not warned.texts
+
+
+def test_contacts_side_by_side_in_one_fmu(tmp_path: Path) -> None:
+    path = tmp_path / "Two.fmu"
+    with side_by_side("others", ("Stiction", "Karnopp")) as system:
+        system.to_fmu(path, step=1e-2, inputs=[])
+    with System([FmuPart("two", path)]) as system, Warnings() as warned:
+        result = system.run(stop=24.0, step=1e-2, record=["two.mass.x", "two.mass.v", "two.friction.y"])
+    found = misses("pulled", "Stiction", result.rename({"two.friction.y": "two.friction.F"}), 1e-2, "two.")
+    assert found == pytest.approx({"x": 0.0, "v": 0.0, "F": 0.0}, abs=3e-3)
+    assert not warned.texts
+
+
 @nightly
 @pytest.mark.parametrize(
     ("master", "step"),

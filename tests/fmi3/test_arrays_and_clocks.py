@@ -269,6 +269,20 @@ def test_the_clock_has_the_interval_of_ts() -> None:
         one.refuses(lambda: one.setClock([clock.valueReference], [True]), "0.0040000000000000001 s")
 
 
+def test_clocks_are_told_of_as_many_as_are_asked_for() -> None:
+    """What lies behind the arrays of an importer stays as it is."""
+    with Slave(three("PID"), eventModeUsed=True) as one:
+        one.initialise()
+        references = (ctypes.c_uint32 * 1)(one.reference("samples"))
+        ticks, interval, shift = (c_bool * 2)(True, True), (c_double * 2)(1.0, 7.0), (c_double * 2)(1.0, 7.0)
+        qualifier = (ctypes.c_int * 2)(9, 9)
+        one.fmi3GetClock(one.component, references, 1, ticks)
+        one.fmi3GetIntervalDecimal(one.component, references, 1, interval, qualifier)
+        one.fmi3GetShiftDecimal(one.component, references, 1, shift)
+        assert ([*ticks], [*interval], [*shift]) == ([False, True], [0.001, 7.0], [0.0, 7.0])
+        assert [value == 9 for value in qualifier] == [False, True]
+
+
 def test_a_continuous_block_has_no_event_mode() -> None:
     with pytest.raises(Exception, match="Failed to instantiate"):
         Slave(three("LuGre"), eventModeUsed=True)

@@ -320,6 +320,17 @@ def test_a_plan_changes_with_its_parameters(load: Load) -> None:
     assert profile.get("r")[0] == -0.2
 
 
+@pytest.mark.parametrize("changed", [{"r_end": 0.3}, {"r_end": -0.1}, {"v_max": 0.2}, {"a_max": 2.0}, {"j_max": 30.0}])
+def test_a_plan_changes_within_a_motion_and_back(load: Load, changed: dict[str, float]) -> None:
+    usual = {"r_end": 0.1, "v_max": 0.25, "a_max": 2.5, "j_max": 50.0}
+    profile = load("Profile").begin(0.0)
+    for time, values in ((0.11, usual), (0.23, usual | changed), (0.31, usual | changed), (0.37, usual)):
+        profile.set(**values)
+        profile.step_to(time)
+        expected = move(np.array([time]), *values.values())[:, 0]
+        np.testing.assert_allclose(profile.get(*MOTION), expected, rtol=1e-12, atol=1e-14)
+
+
 # ---- Sine ------------------------------------------------------------------------------------------------------
 
 
@@ -489,6 +500,17 @@ def test_the_quantiser_follows_a_moving_input(load: Load) -> None:
     block.fmu.setRealInputDerivatives([block.variables["x"].valueReference], [1], [2.2])
     block.step_to(1.0)
     assert block.get("y")[0] == 1.25
+
+
+# ---- Sum, SampledSum -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["Sum", "SampledSum"])
+def test_each_signal_of_a_sum_has_its_gain(load: Load, name: str) -> None:
+    """Decimal digits that do not mix: a wrong gain or sign shows in its own digit."""
+    signals = {"u1": 1.0, "u2": 20.0, "u3": 300.0, "u4": 4000.0}
+    gains = {"gain[1]": 1.0, "gain[2]": -2.0, "gain[3]": 3.0, "gain[4]": 0.5}
+    assert load(name).at(0.0, "y", **signals, **gains)[0] == 1.0 - 40.0 + 900.0 + 2000.0
 
 
 # ---- Record ----------------------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from ctypes import CFUNCTYPE, POINTER, byref, c_char, c_char_p, c_double, c_int,
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import fmpy
 from fmpy.model_description import ScalarVariable
@@ -133,6 +134,7 @@ class Library:
             function.argtypes = arguments
             function.restype = _RESULTS.get(name, c_int)
         self.variables: dict[str, ScalarVariable] = {v.name: v for v in self.description.modelVariables}
+        self._by_type: dict[tuple[str, ...], Any] = {}
 
     def __repr__(self) -> str:
         return self.identifier
@@ -144,6 +146,23 @@ class Library:
             for v in self.variables.values()
             if (not causalities or v.causality in causalities) and type in (None, v.type)
         ]
+
+    def by_type(self, names: tuple[str, ...]) -> Sequence[tuple[str, list[int], ctypes.Array[c_uint], type[Any]]]:
+        """For each type of these variables: its name, their places, their references, and an array for their values."""
+        if names not in self._by_type:
+            places: dict[str, list[int]] = {}
+            for place, name in enumerate(names):
+                places.setdefault(self.variables[name].type, []).append(place)
+            self._by_type[names] = [
+                (
+                    type,
+                    chosen,
+                    (c_uint * len(chosen))(*(int(self.variables[names[place]].valueReference) for place in chosen)),
+                    (c_double if type == "Real" else c_int) * len(chosen),
+                )
+                for type, chosen in places.items()
+            ]
+        return self._by_type[names]
 
     def settable(self) -> list[str]:
         """Names of what may be set during a run: inputs and tunable parameters."""
@@ -288,12 +307,16 @@ class Instance:
 
     def try_set(self, values: Mapping[str, float]) -> list[int]:
         """Set all values, one call for each type; the statuses."""
-        statuses = []
-        for type in dict.fromkeys(self.library.variables[name].type for name in values):
-            names = [name for name in values if self.library.variables[name].type == type]
-            given = [values[name] if type == "Real" else int(values[name]) for name in names]
-            statuses.append(self.call_values(f"Set{type}", [self.reference(name) for name in names], given))
-        return statuses
+        given = list(values.values())
+        return [
+            self.call(
+                f"Set{type}",
+                references,
+                len(places),
+                kind(*(given[place] if type == "Real" else int(given[place]) for place in places)),
+            )
+            for type, places, references, kind in self.library.by_type(tuple(values))
+        ]
 
     def call_values(self, function: str, references: Sequence[int], values: Sequence[float]) -> int:
         """A call of the form (references, n, values) with the given values."""
@@ -309,13 +332,13 @@ class Instance:
 
     def get(self, *names: str) -> list[float]:
         """Values of the variables, in order."""
-        result = dict.fromkeys(names, math.nan)
-        for type in dict.fromkeys(self.library.variables[name].type for name in names):
-            chosen = [name for name in names if self.library.variables[name].type == type]
-            buffer = ((c_double if type == "Real" else c_int) * len(chosen))()
-            self.must(f"Get{type}", (c_uint * len(chosen))(*map(self.reference, chosen)), len(chosen), buffer)
-            result |= zip(chosen, map(float, buffer), strict=True)
-        return [result[name] for name in names]
+        result = [math.nan] * len(names)
+        for type, places, references, kind in self.library.by_type(names):
+            buffer = kind()
+            self.must(f"Get{type}", references, len(places), buffer)
+            for place, value in zip(places, buffer, strict=True):
+                result[place] = float(value)
+        return result
 
     def get1(self, name: str) -> float:
         """Value of one variable."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
-from quick import builds_for_users
+from quick import builds_for_users, builds_of
 from thorough import some
 
 from friction_fmus import build, catalogue
@@ -85,7 +85,8 @@ def built(
     """The FMU of a block, or of a system of examples/, in this folder; with arrays and clocks if it is `full`."""
     example = Path(__file__).parents[2] / "examples" / f"{name}.toml"
     if not example.exists():
-        return build(name, folder, start, fmi=fmi, arrays=full, clocks=full)
+        with builds_of(name):
+            return build(name, folder, start, fmi=fmi, arrays=full, clocks=full)
     path = Path(folder) / f"{name}.fmu"
     path.parent.mkdir(parents=True, exist_ok=True)
     with builds_for_users() if name == COMPOSITES[0] else nullcontext(), open_system(example) as system:

@@ -62,6 +62,17 @@ def test_damaged_bytes_are_refused(running: Instance) -> None:
     assert running.everything() == before and running.serialised() == data
 
 
+@pytest.mark.parametrize(("name", "start"), [("PrandtlTomlinson", {}), ("SwitchMass", {"v_belt": 0.0, "v0": 0.0})])
+def test_a_state_after_an_endless_rest_can_be_read(
+    build_fmu: Callable[..., Path], name: str, start: dict[str, float]
+) -> None:
+    """The next inner step would be six times as long, which is infinite."""
+    with Instance(Library(build_fmu(name))) as run:
+        run.initialise(**start)
+        run.step(0.0, 1e308)
+        assert run.try_restore(run.serialised()) == OK
+
+
 def forged(data: bytes, place: int, value: bytes) -> bytes:
     """Other bytes in the model of a serialised state, with the checksum of them: FNV-1a."""
     header = 64
@@ -84,7 +95,8 @@ def test_values_that_no_run_can_have_are_refused(library: Library, running: Inst
     assert running.serialised() == data
 
 
-# blocks that remember what was decided at an event: numbers at the end of their memory, and what these may not be
+# blocks that remember what was decided at an event, or a plan: numbers at the end of their memory, and what these may
+# not be
 REMEMBERED = {
     **dict.fromkeys(("Coulomb", "Stiction", "Tustin", "Stribeck"), (3, (0.5, 2.0))),
     **dict.fromkeys(("Karnopp", "KarnoppMass", "ResetIntegrator", "Dahl"), (2, (0.5, 2.0))),
@@ -93,6 +105,7 @@ REMEMBERED = {
     "Leuven": (4, (-2.0, 0.5)),
     "Quantiser": (1, (0.5,)),
     "Circle": (1, (-1.0, 0.5)),
+    "Profile": (8, (0.5, -2.0)),
 }
 
 

@@ -46,6 +46,8 @@ EQUIVALENT = {
     'fmu_src/composite/composite.h: REQUIRE(size >= SAVED_SIZE, "fmi2DeSerializeFMUstate: %u bytes were given, '
     'but a state of this FMU has more",  ->  REQUIRE(size > SAVED_SIZE, "fmi2DeSerializeFMUstate: %u bytes were '
     'given, but a state of this FMU has more",': ("a state without its parts is an error either way"),
+    "fmu_src/composite/composite.h: const int64_t part = INPUT_PART < 0 ? 0 : INPUT_PART;  ->  const int64_t part = "
+    "INPUT_PART <= 0 ? 0 : INPUT_PART;": ("the part of number 0 is 0 either way"),
     "fmu_src/composite/composite.h: if (size - end < sizeof inner)  ->  if (size - end <= sizeof inner)": (
         "no part has a state without bytes"
     ),
@@ -82,6 +84,9 @@ EQUIVALENT = {
     "->  const double shift = floor(y[0] * a + 0.5) * a, from = X - shift;": (
         "whole periods, too; the rounding that they save is below that of x"
     ),
+    "fmu_src/friction/PrandtlTomlinson.c: motion.pace * (model->F - PI * E0 / a * sin(TWO_PI * (x / a - floor(x / a "
+    "+ 0.5)))) / m - motion.damping * w;  ->  motion.pace * (model->F - PI * E0 / a * sin(TWO_PI * (x / a - floor(x / "
+    "a + (1.05 * 0.5))))) / m - motion.damping * w;": ("whole periods, too"),
     "fmu_src/friction/PrandtlTomlinson.c: if (!noise->drawn || noise->left <= slack) {  ->  if (!noise->drawn"
     " || noise->left < slack) {": ("a rest of exactly a millionth of the interval"),
     "fmu_src/friction/ResetIntegrator.c: if (dx > 0.0 && z < z0)  ->  if (dx > 0.0 && z <= z0)": (
@@ -121,6 +126,8 @@ EQUIVALENT = {
     ),
     "fmu_src/numerics/extrapolation.h: double y_end[2 * MASSES], H = *inner > 0.0 ? *inner : 0.5 / d->rate;  "
     "->  double y_end[2 * MASSES], H = *inner > 0.0 ? *inner : 0.5 * d->rate;": ("the first try of an inner step"),
+    "fmu_src/numerics/extrapolation.h: double y_end[2 * MASSES], H = *inner > 0.0 ? *inner : 0.5 / d->rate;  "
+    "->  double y_end[2 * MASSES], H = *inner > 1.0 ? *inner : 0.5 / d->rate;": ("the first try of an inner step"),
     "fmu_src/numerics/relaxation.h: allowed = fmax(tolerance, 4.0 * DBL_EPSILON * fabs(start));  ->  allowed "
     "= fmax(tolerance, (1.05 * 4.0) * DBL_EPSILON * fabs(start));": ("a bound of rounding errors, below the tolerance"),
     "fmu_src/numerics/relaxation.h: const double part = tries % 3 == 2 ? 0.5 : clip(-low / (high - low), "

@@ -245,7 +245,7 @@ class _Writer:
             *c_rows("DelayData delay_data", delays, "{0, 0, 0, 0, 0, 0, 0.0}"),
             *c_integers("line_inputs", [wire.input for wire in loops.wires]),
             *c_integers("lines_from", begins),
-            *c_rows("LineData line_data", lines, "{0, 0, 0}"),
+            *c_rows("LineData line_data", lines, "{0, 0, 0, 0}"),
         ]
 
     def loops(self) -> list[str]:

@@ -368,6 +368,8 @@ class Calls(RuleBasedStateMachine):
             self.run.restore(kept.data)
             assert self.run.serialised() == kept.data
             self.mode, self.t, self.start, self.stop, self.calm = kept.known
+            if self.library.fmi == 3 and self.mode == INSTANTIATED:  # forget the experiment of the facade
+                self.run.must("SetupExperiment", 0, 0.0, 0.0, 0, 0.0)
 
     @rule(place=st.integers(0, 10**7), bits=st.integers(1, 255), cut=st.integers(0, 3))
     def restore_damaged(self, place: int, bits: int, cut: int) -> None:
