@@ -54,9 +54,18 @@ static bool is_scheduled(const StepCheck *guard, int64_t tick)
     return tick < CHECK_SOON ? (tick & (tick - 1)) == 0 : since % (since < CHECK_EVERY ? CHECK_SOON : CHECK_EVERY) == 0;
 }
 
-/* Return whether an unknown is farther from its prediction than this share of its magnitude. */
-static bool mispredicted(const Newton *newton, const Group *g, const Span *s, double share)
+/* Return the slope with which a line begins, times the length of the span. */
+static double slope_of(const Moving *m, const Span *s) { return (m->u0 - earlier(m, s)) / (GA_M - GA_F); }
+
+/* Return whether an unknown or a line is farther from its prediction than this share of its magnitude. */
+static bool mispredicted(const Engine *e, const Newton *newton, const Group *g, const Span *s, double share)
 {
+    for (int64_t i = g->first; i < g->first + g->count; i++)
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
+            const Moving *const m = &newton->moving[k];
+            if (m->inner && m->role == FREE && fabs(m->u1 - m->u0 - slope_of(m, s)) > share * m->size)
+                return true;
+        }
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
         if (fabs(prediction_error_of(newton, j, s)) > share * newton->scale[j])
             return true;
@@ -100,8 +109,7 @@ static bool turns_within(const Newton *newton, const Group *g, const Span *s)
 {
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         const Moving *const m = &newton->moving[c->line];
-        const double slope = (m->u0 - earlier(m, s)) / (GA_M - GA_F); /* times the length of the span */
-        if (m->rigid >= 0 && m->u0 * m->u1 > 0.0 && m->u0 * (m->u0 + slope) < 0.0)
+        if (m->rigid >= 0 && m->u0 * m->u1 > 0.0 && m->u0 * (m->u0 + slope_of(m, s)) < 0.0)
             return true;
     }
     return false;
@@ -155,7 +163,7 @@ static bool wants_check(const Engine *e, const Newton *newton, int64_t number, i
     const Group *const g = &newton->groups[number];
     return guard->checks_due > 0 || guard->limited_ticks > 0 || (s->from == 0.0 && is_scheduled(guard, tick)) ||
            feeds_back(newton, g, number) || turns_within(newton, g, s) || strays(e, newton, g, s) ||
-           leaps(e, newton, g) || mispredicted(newton, g, s, tick >= guard->next ? PREDICTION_LIMIT : JUMP_LIMIT);
+           leaps(e, newton, g) || mispredicted(e, newton, g, s, tick >= guard->next ? PREDICTION_LIMIT : JUMP_LIMIT);
 }
 
 /* Save (or restore, if `back`) everything that a check must not change. */
