@@ -23,8 +23,9 @@
 #define SLIGHT           1e-3 /* of the magnitude: deviation that does not matter */
 #define SPLIT            0.44 /* first half of a step: equal halves miss an oscillation of twice their frequency */
 #define DISTANCE_FACTOR  0.25 /* factor of `step_tolerance` for the distance along a contact */
-#define PREDICTION_LIMIT 0.05 /* of the magnitude, between an unknown and its linear prediction */
-#define JUMP_LIMIT       0.5  /* the same, during the cooldown */
+#define PREDICTION_LIMIT 0.05 /* of the magnitude, between a value and its linear prediction */
+#define JUMP_LIMIT       0.5  /* the same, during the cooldown: at most this, */
+#define FARTHER          2.0  /* and this, over that of a step that was right */
 #define LEAP             1.5  /* over the largest magnitude so far */
 #define ABANDONED        30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
 #define MOST_UNRESOLVED  40.0 /* sum of the shares of their steps */
@@ -57,19 +58,21 @@ static bool is_scheduled(const StepCheck *guard, int64_t tick)
 /* Return the slope with which a line begins, times the length of the span. */
 static double slope_of(const Moving *m, const Span *s) { return (m->u0 - earlier(m, s)) / (GA_M - GA_F); }
 
-/* Return whether an unknown or a line is farther from its prediction than this share of its magnitude. */
-static bool mispredicted(const Engine *e, const Newton *newton, const Group *g, const Span *s, double share)
+static double quotient(double miss, double size) { return miss > 0.0 ? size > 0.0 ? miss / size : INFINITY : 0.0; }
+
+/* Return how far an unknown or a line is from its prediction, over its magnitude. */
+static double misprediction(const Engine *e, const Newton *newton, const Group *g, const Span *s)
 {
+    double most = 0.0;
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
             const Moving *const m = &newton->moving[k];
-            if (m->inner && m->role == FREE && fabs(m->u1 - m->u0 - slope_of(m, s)) > share * m->size)
-                return true;
+            if (m->inner && m->role == FREE)
+                most = fmax(most, quotient(fabs(m->u1 - m->u0 - slope_of(m, s)), m->size));
         }
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
-        if (fabs(prediction_error_of(newton, j, s)) > share * newton->scale[j])
-            return true;
-    return false;
+        most = fmax(most, quotient(fabs(prediction_error_of(newton, j, s)), newton->scale[j]));
+    return most;
 }
 
 /* Return whether a line is far beyond its largest magnitude so far. */
@@ -154,16 +157,19 @@ static bool strays(const Engine *e, const Newton *newton, const Group *g, const 
     return false;
 }
 
-/* Return whether the span that has just been solved needs a check. */
+/* Return whether the span that has just been solved needs a check. After one without a finding, only a span that is
+   much farther from its prediction than that one is suspicious for a while. */
 static bool wants_check(const Engine *e, const Newton *newton, int64_t number, int64_t tick, const Span *s)
 {
-    const StepCheck *const guard = &newton->guards[number];
+    StepCheck *const guard = &newton->guards[number];
     if (guard->abandoned)
         return false;
     const Group *const g = &newton->groups[number];
+    const double after = tick >= guard->next ? 0.0 : fmin(JUMP_LIMIT, FARTHER * guard->harmless);
+    guard->miss = misprediction(e, newton, g, s);
     return guard->checks_due > 0 || guard->limited_ticks > 0 || (s->from == 0.0 && is_scheduled(guard, tick)) ||
            feeds_back(newton, g, number) || turns_within(newton, g, s) || strays(e, newton, g, s) ||
-           leaps(e, newton, g) || mispredicted(e, newton, g, s, tick >= guard->next ? PREDICTION_LIMIT : JUMP_LIMIT);
+           leaps(e, newton, g) || guard->miss > fmax(PREDICTION_LIMIT, after);
 }
 
 /* Save (or restore, if `back`) everything that a check must not change. */
@@ -481,8 +487,10 @@ static void conclude(Newton *newton, int64_t number, int64_t tick, const Span *s
                (guard->limited_ticks > 0 && s->h > 0.99 * guard->limit)) {
         if (guard->checks_due > 0)
             guard->checks_due--;
-        else
+        else {
             guard->cooldown = guard->cooldown < LONGEST_COOLDOWN ? 2 * guard->cooldown + 1 : LONGEST_COOLDOWN;
+            guard->harmless = tick < guard->next ? fmax(guard->harmless, guard->miss) : guard->miss;
+        }
         guard->next = tick + 1 + guard->cooldown;
     }
 }

@@ -54,7 +54,7 @@ class Experiment:
         None stands for 1e-5.
     step_tolerance : float or None
         Difference between a step and its two halves, relative to the magnitude of the values, from which the masters
-        newton and adaptive divide a step that they check; None stands for 0.02.
+        newton and adaptive divide a step that they check; None stands for 0.01.
     manipulators : tuple of Manipulator
         Changes to the values of connections during the run.
 
