@@ -166,14 +166,9 @@ static int refresh(Engine *e, Newton *newton, const Group *g, double t)
 static int follow_rest(Engine *e, Newton *newton, const Group *g, double t)
 {
     for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            const Moving *const m = &newton->moving[k];
-            bool sums = m->carries && m->role >= HOLDING;
-            for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
-                sums = sums && m->unknown != c->unknown;
-            if (sums)
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
+            if (newton->moving[k].carries && newton->moving[k].role >= HOLDING)
                 return refresh(e, newton, g, t);
-        }
     return SOLVED;
 }
 

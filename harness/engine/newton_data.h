@@ -10,7 +10,7 @@ typedef struct {
     int64_t inner;     /* source and target are in the same loop */
     int64_t unknown;   /* index of the unknown that it reads; -1: its source is stepped before */
     int64_t is_force;  /* it has the unit of the force of a contact in the loop */
-    int64_t carries;   /* bits of the first 62 contacts in the loop whose forces it carries, also through sums */
+    int64_t carries;   /* bits of the first 62 contacts in the loop whose forces reach it through sums */
     int64_t from_rest; /* the run begins with the value 0 */
     int64_t role;      /* in the current solution; see contacts.h */
     double u0, q0;     /* at the start */

@@ -100,6 +100,8 @@ static int share_again(Engine *e, Newton *newton, int64_t number, double t, doub
 {
     const Group *const g = &newton->groups[number];
     const Contact *const first = contacts_of(newton, g), *const last = first + g->contacts;
+    if (g->contacts < 2)
+        return SOLVED;
     const int64_t jumped = newton->jumped;
     bool shared = false, holds = true;
     for (const Contact *c = first; c < last; c++)

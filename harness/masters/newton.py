@@ -209,7 +209,7 @@ class Loops(Algorithm):
         library().newton_begin(ctypes.addressof(engine.data), ctypes.addressof(data))
 
     def _carried(self) -> list[int]:
-        """Return for each line the bits of the contacts whose forces it carries, at once but not through contacts."""
+        """Return for each line the bits of the contacts whose forces reach it at once through other parts."""
         names, parts, contacts = self.plan.names, self.plan.parts, {row[0] for row in self.contacts}
         inner, after = set(self.inner), dict[int, list[int]]()
         for line, wire in enumerate(self.wires):
@@ -221,7 +221,7 @@ class Loops(Algorithm):
                 outputs = [self.unknowns[self.contacts[group.contact + bit][2]]]
                 for line in (line for output in outputs for line in after.get(output, ())):
                     wire, new = self.wires[line], not carried[line] >> bit & 1
-                    carried[line] |= 1 << bit
+                    carried[line] |= 0 if wire.output == outputs[0] else 1 << bit
                     if new and wire.target not in contacts:
                         direct, port = parts[wire.target].dependencies, split_name(names[wire.input])[1]
                         signals = range(*self.plan.outputs[wire.target])

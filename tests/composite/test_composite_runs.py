@@ -120,7 +120,6 @@ def test_connections_convert_units(tmp_path: Path) -> None:
     assert differing(run_composite(tmp_path / "units.fmu", 1.0, 0.1), expected) == []
 
 
-@nightly
 def test_composites_can_be_parts(tmp_path: Path) -> None:
     with open_system(EXAMPLES / "stick_slip.toml") as system:
         system.to_fmu(tmp_path / "Contact.fmu", inputs=["mass.F_drive"], outputs=["mass.x", "mass.v"])

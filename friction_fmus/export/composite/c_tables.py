@@ -175,7 +175,7 @@ class _Writer:
     def functions(self) -> list[str]:
         found = []
         for code in {code.folder: code for code in self._codes.values()}.values():
-            direct = f"{code.prefix}blockDirect" if code.own and "direct.h" in code.files else "NULL"
+            direct = f"{code.prefix}blockDirect" if code.own and "fmi2_direct.h" in code.files else "NULL"
             found += [
                 f"PART_FUNCTIONS({code.prefix})",
                 f"static const PartFunctions functions_of_{code.folder} = "
