@@ -71,7 +71,8 @@ typedef struct {
     int64_t abandoned;     /* no step is small enough: checks have ended */
     int64_t resolves; /* PART_OF_STEP, WHOLE_STEP: after the last jump the motion was not over within it; 0: it was */
     int64_t jumped;   /* the solution of the last step lies at a jump of r */
-    double miss, harmless; /* of the last step from its prediction; of those without a finding before the cooldown */
+    double miss;      /* largest difference of the last inner step from its prediction, over the magnitude */
+    double harmless;  /* the same, of those whose checks found nothing before and during the cooldown */
     double jump;      /* of an input from outside since the last step, over its magnitude */
     double apart;     /* error of that line */
     double distance_error; /* error of the distance along `contact` */
