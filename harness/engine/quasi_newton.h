@@ -9,8 +9,7 @@
 
 #include <float.h>
 
-#define PATIENT 8    /* evaluations for the smaller tolerance of a piece, which the outputs of a part may not reach */
-#define NOISY   10.0 /* largest residual of a solution, over the tolerance, if no iteration reaches the tolerance */
+#define NOISY 10.0 /* largest residual of a solution, over the tolerance, if no iteration reaches the tolerance */
 
 /* inverse += (s - inverse y) s' inverse / (s' inverse y), Broyden 1965, for the step s that changed r by y. */
 static void update_inverse(double *inverse, int64_t n, const double *s, const double *y, double *by)
@@ -156,8 +155,6 @@ static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, co
     double *const inverse = newton->inverse + number * most * most;
     double *const w0 = newton->work, *const r0 = w0 + most, *const step = r0 + most, *const change = step + most;
     Bracket bracket = {{0.0, 0.0}, INFINITY, {false, false}, 0.0, 0.0, 0.0, {0.0, 0.0}, 0.0};
-    /* a motion that the pieces of a step resolve is damped less, so that what is tolerated excites it */
-    const double wanted = newton->tolerance * (newton->error > 0.0 ? 1.0 : share_of_tolerance(s));
     double norm = 0.0;
     const double inverse_before = inverse[0];
 
@@ -165,7 +162,7 @@ static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, co
     for (int64_t j = 0; j < n; j++) /* warm start */
         w[j] = newton->w_last[g->unknown + j] + newton->trend[g->unknown + j] * s->h;
     int status = evaluate(e, newton, g, s, again, &norm);
-    for (int64_t tries = 1; status == SOLVED && norm > (tries > PATIENT ? newton->tolerance : wanted); tries++) {
+    for (int64_t tries = 1; status == SOLVED && norm > newton->tolerance; tries++) {
         if (tries > (n == 1 ? MOST_BISECTIONS : MOST_EVALUATIONS)) {
             if (norm <= NOISY * newton->tolerance)
                 break; /* the outputs of a part with an error control of its own are not smoother */

@@ -39,7 +39,8 @@ static Span next_span(const Newton *newton, int64_t number, const Progress *p, d
 static double shortest(const Newton *newton, const Progress *p, double before)
 {
     const double usual = p->h / newton->finest, first = p->h * pow(RUNG, 1 - RUNGS);
-    const double least = p->since < 0.0 ? usual : fmin(usual, fmax(first, (p->done - p->since) / SLOWER));
+    const double part = newton->error > 0.0 ? RUNG : SLOWER;
+    const double least = p->since < 0.0 ? usual : fmin(usual, fmax(first, (p->done - p->since) / part));
     return p->done > 0.0 ? fmin(least, RUNG * before) : least;
 }
 
