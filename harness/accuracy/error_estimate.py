@@ -332,6 +332,9 @@ def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: flo
     return replace(found, verdict="not converged")
 
 
+OTHER: Final = 1.5  # error bound over the difference to newton, which has an error of its own
+
+
 def compare(one: ErrorEstimate, own: Track, other: Track, *, nominal: float, required: float) -> ErrorEstimate:
     """Return the estimate, raised to the difference to a run of another master where that exceeds what is required."""
     # A mass that swings several times within each step follows the held force of its contact at any such step: its runs
@@ -352,7 +355,7 @@ def compare(one: ErrorEstimate, own: Track, other: Track, *, nominal: float, req
     largest = float(np.max(beyond))
     if largest <= required * size:
         return one
-    bound = _spread(one.bound.astype(np.float64) + largest, 1, len(one.bound))
+    bound = _spread(one.bound.astype(np.float64) + OTHER * largest, 1, len(one.bound))
     return replace(one, bound=bound, relative=float(np.max(bound)) / size, verdict="not certain")
 
 

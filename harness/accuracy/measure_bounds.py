@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from harness.accuracy.error_estimate import IRREGULAR, converge
+from harness.accuracy.error_estimate import IRREGULAR, OTHER, converge
 from harness.accuracy.rungs import by_newton, of_equal_end, others, ratios
 from harness.engine.algorithm import Recorder
 from harness.masters import find_master
@@ -47,7 +47,6 @@ def floor_of(system: Assembly, experiment: Experiment) -> Floor:
     return max(found, key=lambda floor: floor.error)
 
 
-OTHER: Final = 1.5  # error bound over the difference to newton, which has an error of its own
 BOUND: Final = ".bound"  # suffix of the error bound of a number or a variable
 
 

@@ -20,11 +20,14 @@ EXPORT void newton_begin(const Engine *e, Newton *newton)
         m->u0 = m->q0 = m->u1 = m->q1 = value;
         m->scale = m->size = m->at_begin = m->outside = fabs(value);
         m->lasting = 0.0;
-        m->noise = m->accumulated_error = m->path = m->distance_error = 0.0;
+        m->noise = m->accumulated_error = m->path = m->distance_error = m->x0 = m->strayed = 0.0;
         m->role = m->rests = m->force = m->rigid = 0;
         m->gain = e->gains ? e->gains[input] : 1.0;
         m->offset = e->gains ? e->offsets[input] : 0.0;
     }
+    for (const Contact *c = newton->contacts; c < newton->contacts + last->contact + last->contacts; c++)
+        if (c->position >= 0)
+            newton->moving[c->line].x0 = e->signals[c->position];
     for (int64_t j = 0; j < last->unknown + last->unknowns; j++) {
         newton->w[j] = newton->w_last[j] = e->signals[newton->unknowns[j]];
         newton->scale[j] = newton->at_begin[j] = fabs(newton->w[j]);

@@ -24,6 +24,7 @@ typedef struct {
     double path, distance_error; /* velocity of a contact: distance so far, and how much of it no step resolved */
     int64_t rests;               /* velocity of a contact: its role at the end of the last step */
     int64_t force;               /* the same: the role of its force */
+    double x0, strayed;          /* velocity of a contact: position of the mass at the start; see strayed() */
     double noise;                /* change per time if the unknowns change by the tolerance of the loop */
     int64_t rigid; /* velocity of a contact: 1: the friction jumps at v = 0, -1: it does not, 0: unknown */
     /* velocity of a contact at rest beside others, see contacts.h: the forces between which it holds; the unknown that
@@ -38,6 +39,7 @@ typedef struct {
     int64_t part, line, unknown;    /* the part; line of its velocity; unknown that is its force */
     int64_t first_load, load_count; /* its inputs that are forces, one of which may be the sum of the other forces */
     int64_t of_mass, of_next; /* outputs of the mass whose velocity it reads; none of a part with several masses */
+    int64_t position;         /* output whose rate that velocity is; -1: unknown */
 } Contact;
 
 /* An output of a loop that depends on no input directly and drives none in the loop, such as the position of a mass.
@@ -69,6 +71,8 @@ typedef struct {
     int64_t abandoned;     /* no step is small enough: checks have ended */
     int64_t resolves; /* PART_OF_STEP, WHOLE_STEP: after the last jump the motion was not over within it; 0: it was */
     int64_t jumped;   /* the solution of the last step lies at a jump of r */
+    double miss;      /* largest difference of the last inner step from its prediction, over the magnitude */
+    double harmless;  /* the same, of those whose checks found nothing before and during the cooldown */
     double jump;      /* of an input from outside since the last step, over its magnitude */
     double apart;     /* error of that line */
     double distance_error; /* error of the distance along `contact` */

@@ -21,6 +21,8 @@
 #define GA_F    (1.0 / (1.0 + RHO))
 #define GA_RATE (0.5 + GA_M - GA_F)
 
+#define LEAST_SHARE 0.0625 /* of a tolerance */
+
 enum { SOLVED = 0, NOT_CONVERGED = 101, BREAKS_AWAY, MOST_EVALUATIONS = 60, MOST_BISECTIONS = 250, MOST_SPLITS = 8 };
 #ifndef MOST_HALVINGS /* fuzzing has fewer */
 #define MOST_HALVINGS 20
@@ -32,6 +34,9 @@ typedef struct {
     double ratio; /* of its length to the length of the previous span */
     bool flat;    /* the values at its end are held from its start */
 } Span;
+
+/* Return the part of a tolerance that is left to a span: errors of the pieces of a divided step add up. */
+static inline double share_of_tolerance(const Span *s) { return fmax(LEAST_SHARE, s->to - s->from); }
 
 /* Roles of a line: the velocity of a contact that is held by the sum of the other forces, or within the jump of its
    friction; its force, which varies linearly while it is held, and which is constant in a step that stops or starts. */
@@ -143,6 +148,8 @@ static void accept_contacts(const Engine *e, Newton *newton, const Group *g, con
         Moving *const m = &newton->moving[c->line];
         m->rests = is_rest(m) ? m->role : FREE;
         m->path += s->h * fabs(e->lines[c->line].mean);
+        if (c->position >= 0)
+            m->x0 = e->signals[c->position];
         if (m->rests)
             newton->w[c->unknown] = e->signals[newton->unknowns[c->unknown]];
     }

@@ -1,7 +1,7 @@
 /* Step checks of the implicit masters. A loop may converge at every step and still be wrong: a mass on a spring that
    oscillates many times within a step amplifies small errors. Some steps are therefore solved a second time, in two
    halves: at scheduled ticks, and where a value is far from its prediction. If the mean or the end value of a line, or
-   an output that is a state, differs by more than `step_tolerance` (0.02) times its magnitude, or the distance along a
+   an output that is a state, differs by more than `step_tolerance` (0.01) times its magnitude, or the distance along a
    contact by a quarter of that, the step is divided, and the following steps are checked until undivided steps agree
    with their halves again. An undivided step that passes its check keeps its values bit for bit. In a divided step,
    newton continues from the halves: what each of many pieces is tolerated would add up.
@@ -18,13 +18,14 @@
 
 #define RUNG             4.0  /* each piece ends at so many times the part of the step at which the one before ends */
 #define NOTABLE          0.05 /* jump of an input over its magnitude */
-#define AT_START         10.0 /* factor of `step_tolerance` in the first EARLY ticks of a value that starts at 0 */
+#define AT_START         20.0 /* factor of `step_tolerance` in the first EARLY ticks of a value that starts at 0 */
 #define BENT             0.1  /* of the change over the step: deviation from a straight line */
 #define SLIGHT           1e-3 /* of the magnitude: deviation that does not matter */
 #define SPLIT            0.44 /* first half of a step: equal halves miss an oscillation of twice their frequency */
 #define DISTANCE_FACTOR  0.25 /* factor of `step_tolerance` for the distance along a contact */
-#define PREDICTION_LIMIT 0.05 /* of the magnitude, between an unknown and its linear prediction */
-#define JUMP_LIMIT       0.5  /* the same, during the cooldown */
+#define PREDICTION_LIMIT 0.05 /* of the magnitude, between a value and its linear prediction */
+#define JUMP_LIMIT       0.5  /* the same, during the cooldown: at most this, */
+#define FARTHER          2.0  /* and this, over that of a step that was right */
 #define LEAP             1.5  /* over the largest magnitude so far */
 #define ABANDONED        30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
 #define MOST_UNRESOLVED  40.0 /* sum of the shares of their steps */
@@ -54,13 +55,24 @@ static bool is_scheduled(const StepCheck *guard, int64_t tick)
     return tick < CHECK_SOON ? (tick & (tick - 1)) == 0 : since % (since < CHECK_EVERY ? CHECK_SOON : CHECK_EVERY) == 0;
 }
 
-/* Return whether an unknown is farther from its prediction than this share of its magnitude. */
-static bool mispredicted(const Newton *newton, const Group *g, const Span *s, double share)
+/* Return the slope with which a line begins, times the length of the span. */
+static double slope_of(const Moving *m, const Span *s) { return (m->u0 - earlier(m, s)) / (GA_M - GA_F); }
+
+static double quotient(double miss, double size) { return miss > 0.0 ? size > 0.0 ? miss / size : INFINITY : 0.0; }
+
+/* Return how far an unknown or a line is from its prediction, over its magnitude. */
+static double misprediction(const Engine *e, const Newton *newton, const Group *g, const Span *s)
 {
+    double most = 0.0;
+    for (int64_t i = g->first; i < g->first + g->count; i++)
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
+            const Moving *const m = &newton->moving[k];
+            if (m->inner && m->role == FREE)
+                most = fmax(most, quotient(fabs(m->u1 - m->u0 - slope_of(m, s)), m->size));
+        }
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
-        if (fabs(prediction_error_of(newton, j, s)) > share * newton->scale[j])
-            return true;
-    return false;
+        most = fmax(most, quotient(fabs(prediction_error_of(newton, j, s)), newton->scale[j]));
+    return most;
 }
 
 /* Return whether a line is far beyond its largest magnitude so far. */
@@ -100,8 +112,7 @@ static bool turns_within(const Newton *newton, const Group *g, const Span *s)
 {
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         const Moving *const m = &newton->moving[c->line];
-        const double slope = (m->u0 - earlier(m, s)) / (GA_M - GA_F); /* times the length of the span */
-        if (m->rigid >= 0 && m->u0 * m->u1 > 0.0 && m->u0 * (m->u0 + slope) < 0.0)
+        if (m->rigid >= 0 && m->u0 * m->u1 > 0.0 && m->u0 * (m->u0 + slope_of(m, s)) < 0.0)
             return true;
     }
     return false;
@@ -122,16 +133,43 @@ static bool begins_anew(const Newton *newton, int64_t number, int64_t tick, cons
     return s->from == 0.0 && (tick == 0 || guard->jump > least);
 }
 
-/* Return whether the span that has just been solved needs a check. */
+/* Return by how much the motion of a mass in a span differs from the mean velocity that its contact was given, other
+   than by rounding: a mass may swing within the span while its velocity at the ends varies slowly. */
+static double strayed(const Engine *e, const Newton *newton, const Contact *c, const Span *s)
+{
+    const Moving *const m = velocity_of(newton, c);
+    if (c->position < 0 || is_rest(m))
+        return 0.0;
+    const Line *const l = &e->lines[c->line];
+    const double x = e->signals[c->position], gain = e->gains ? e->gains[l->input] : 1.0,
+                 offset = e->gains ? e->offsets[l->input] : 0.0;
+    const double apart = fabs(gain * (x - m->x0) + (offset - l->mean) * s->h);
+    return apart > 4.0 * DBL_EPSILON * fabs(gain * x) ? apart : 0.0;
+}
+
+/* Return whether a mass strays by more than is tolerated of the distance along its contact. */
+static bool strays(const Engine *e, const Newton *newton, const Group *g, const Span *s)
+{
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        if (strayed(e, newton, c, s) > DISTANCE_FACTOR * newton->step_tolerance *
+                                           (velocity_of(newton, c)->path + s->h * fabs(e->lines[c->line].mean)))
+            return true;
+    return false;
+}
+
+/* Return whether the span that has just been solved needs a check. After one without a finding, only a span that is
+   much farther from its prediction than that one is suspicious for a while. */
 static bool wants_check(const Engine *e, const Newton *newton, int64_t number, int64_t tick, const Span *s)
 {
-    const StepCheck *const guard = &newton->guards[number];
+    StepCheck *const guard = &newton->guards[number];
     if (guard->abandoned)
         return false;
     const Group *const g = &newton->groups[number];
+    const double after = tick >= guard->next ? 0.0 : fmin(JUMP_LIMIT, FARTHER * guard->harmless);
+    guard->miss = misprediction(e, newton, g, s);
     return guard->checks_due > 0 || guard->limited_ticks > 0 || (s->from == 0.0 && is_scheduled(guard, tick)) ||
-           feeds_back(newton, g, number) || turns_within(newton, g, s) || leaps(e, newton, g) ||
-           mispredicted(newton, g, s, tick >= guard->next ? PREDICTION_LIMIT : JUMP_LIMIT);
+           feeds_back(newton, g, number) || turns_within(newton, g, s) || strays(e, newton, g, s) ||
+           leaps(e, newton, g) || guard->miss > fmax(PREDICTION_LIMIT, after);
 }
 
 /* Save (or restore, if `back`) everything that a check must not change. */
@@ -271,11 +309,12 @@ static int measure_noise(Engine *e, Newton *newton, const Group *g, int64_t numb
    error that would remain: the mean counts over the whole step, of which the span is a part. An instantaneous event,
    such as a mass that stops, is never resolved, but does not matter in a span that is short enough. */
 static double difference(const Engine *e, Newton *newton, int64_t number, const Span *s, const double *whole,
-                         const double *halves, bool jumped, bool early)
+                         const double *halves, bool jumped, bool early, bool smallest)
 {
     const Group *const g = &newton->groups[number];
     StepCheck *const guard = &newton->guards[number];
     const double strength = strength_of(newton, g);
+    const double part = smallest ? 1.0 : share_of_tolerance(s), tolerance = part * newton->step_tolerance;
     double worst = 0.0, most = -1.0, farthest = 0.0;
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
@@ -286,11 +325,11 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
             if (!force && is_held(newton, g, e->sources[e->lines[k].input]))
                 continue;
             const double in_mean = fabs(whole[k] - halves[k]), at_end = jumped ? 0.0 : fabs(a->u1 - b->u1);
-            const double apart = fmax(0.0, fmax(in_mean, at_end) - (force ? 0.0 : a->noise * s->h)),
+            const double apart = fmax(0.0, fmax(part * in_mean, at_end) - (force ? 0.0 : a->noise * s->h)),
                          values = fmax(fabs(a->u1), fabs(b->u1));
             const double least = a->role == CHANGING ? NEGLIGIBLE * strength : force ? EQUAL * strength : 0.0;
             const double size = fmax(fmax(a->size, values), least);
-            const double tolerated = newton->step_tolerance * (early && a->from_rest ? AT_START : 1.0);
+            const double tolerated = tolerance * (early && a->from_rest ? AT_START : 1.0);
             const double remains = fmax((s->to - s->from) * in_mean, at_end);
             const double off = apart == 0.0 ? 0.0 : apart / (tolerated * size);
             worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
@@ -306,7 +345,7 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
             continue;
         const double kept = newton->kept_states[i], value = e->signals[newton->states[i].output];
         const double size = fmax(newton->state_sizes[i], fmax(fabs(kept), fabs(value)));
-        const double tolerated = newton->step_tolerance * (early ? AT_START : DISTANCE_FACTOR);
+        const double tolerated = tolerance * (early ? AT_START : DISTANCE_FACTOR);
         const double noise = noise_of(newton, g, newton->states[i].output) * s->h * s->h;
         const double off = fabs(kept - value) <= noise ? 0.0 : fabs(kept - value) / (tolerated * size);
         worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
@@ -316,10 +355,11 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
         if (is_held(newton, g, e->sources[e->lines[c->line].input]))
             continue;
         const Moving *const a = &newton->kept_lines[c->line];
-        const double tolerated = newton->step_tolerance * (early && a->from_rest ? AT_START : DISTANCE_FACTOR);
-        const double means = fmax(fabs(whole[c->line]), fabs(halves[c->line]));
-        const double distance_error = s->h * fabs(whole[c->line] - halves[c->line]), path = a->path + s->h * means;
-        if (distance_error <= a->noise * s->h * s->h)
+        const bool begins = early && a->from_rest; /* the distance is short, whatever the method */
+        const double tolerated = tolerance * (begins ? AT_START : DISTANCE_FACTOR);
+        const double means = fmax(fabs(whole[c->line]), fabs(halves[c->line])), path = a->path + s->h * means;
+        const double distance_error = fmax(s->h * fabs(whole[c->line] - halves[c->line]), begins ? 0.0 : a->strayed);
+        if (distance_error <= a->noise * s->h * s->h || path == 0.0)
             continue;
         worst = fmax(worst, distance_error / (tolerated * path));
         if (distance_error > farthest * path) {
@@ -367,6 +407,8 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
         whole[k] = e->lines[k].mean;
     for (int64_t i = g->state; i < g->state + g->states; i++)
         newton->kept_states[i] = e->signals[newton->states[i].output];
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        velocity_of(newton, c)->strayed = strayed(e, newton, c, s);
     keep(e, newton, g, number, false);
     int status = anew && tick == 0 ? measure_noise(e, newton, g, number, s) : SOLVED;
     if (status != SOLVED && status != 2)
@@ -381,7 +423,8 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
                                                                   : WHOLE_STEP;
     const bool early = tick < EARLY && newton->guards[number].resolves == WHOLE_STEP;
     const double found =
-        failed_halves ? INFINITY : difference(e, newton, number, s, whole, halves, jumped || halves_jumped, early);
+        failed_halves ? INFINITY
+                      : difference(e, newton, number, s, whole, halves, jumped || halves_jumped, early, smallest);
     *off = fmax(*off, turns ? fmax(found, TURNED) : found);
     newton->guards[number].checks++;
     const bool smooth = !finer && !failed_halves && !jumped && !halves_jumped;
@@ -444,8 +487,10 @@ static void conclude(Newton *newton, int64_t number, int64_t tick, const Span *s
                (guard->limited_ticks > 0 && s->h > 0.99 * guard->limit)) {
         if (guard->checks_due > 0)
             guard->checks_due--;
-        else
+        else {
             guard->cooldown = guard->cooldown < LONGEST_COOLDOWN ? 2 * guard->cooldown + 1 : LONGEST_COOLDOWN;
+            guard->harmless = tick < guard->next ? fmax(guard->harmless, guard->miss) : guard->miss;
+        }
         guard->next = tick + 1 + guard->cooldown;
     }
 }

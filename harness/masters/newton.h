@@ -11,6 +11,8 @@
 #include "restart.h"
 #include "step_check.h"
 
+#define SLOWER 64.0 /* time since a jump over the shortest motion that still follows it */
+
 /* Progress of a loop within a step. */
 typedef struct {
     double t, h, done; /* the step, and how much of it is completed */
@@ -31,13 +33,15 @@ static Span next_span(const Newton *newton, int64_t number, const Progress *p, d
                   false};
 }
 
-/* Return the shortest inner step that a check may require here. A motion that follows a jump may be as short as the
-   first piece of the check; later pieces grow with the time since the jump. */
-static double shortest(const Newton *newton, const Progress *p)
+/* Return the shortest inner step that a check may require here, after one of the length `before`. A motion that follows
+   a jump may be as short as the first piece of the check; later pieces grow with the time since the jump. A piece that
+   is much longer than the one before it in the step extrapolates from that one. */
+static double shortest(const Newton *newton, const Progress *p, double before)
 {
     const double usual = p->h / newton->finest, first = p->h * pow(RUNG, 1 - RUNGS);
-    const double part = newton->error > 0.0 ? RUNG : RUNG * RUNG;
-    return p->since < 0.0 ? usual : fmin(usual, fmax(first, (p->done - p->since) / part));
+    const double part = newton->error > 0.0 ? RUNG : SLOWER;
+    const double least = p->since < 0.0 ? usual : fmin(usual, fmax(first, (p->done - p->since) / part));
+    return p->done > 0.0 ? fmin(least, RUNG * before) : least;
 }
 
 /* Compute the error of a solved span over the tolerance: from the estimate of the adaptive master and, if the guard
@@ -53,11 +57,11 @@ static int estimate_error(Engine *e, Newton *newton, int64_t number, Progress *p
     const bool anew = begins_anew(newton, number, p->tick, s);
     if (anew)
         p->since = p->done;
-    const bool smallest = s->h <= shortest(newton, p);
+    const bool smallest = s->h <= shortest(newton, p, s->h / s->ratio);
     if (smallest)
         *off = 0.0; /* only a check can find an error of the smallest spans */
     const bool soon = p->since >= 0.0 && !newton->guards[number].resolves;
-    *checked = *off <= 1.0 && (stops || anew || soon || wants_check(e, newton, number, p->tick, s)) &&
+    *checked = *off <= 1.0 && (wants_check(e, newton, number, p->tick, s) || stops || anew || soon) &&
                !newton->guards[number].abandoned;
     return *checked ? check(e, newton, number, s, p->tick, anew, smallest, off, end) : SOLVED;
 }
@@ -95,7 +99,7 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
             }
             if (status == SOLVED)
                 status = estimate_error(e, newton, number, &p, &s, splits > 0, &off, &checked, &end);
-            const double accurate = shortest(newton, &p);
+            const double accurate = shortest(newton, &p, s.h / s.ratio);
             if (status == SOLVED && (checked || off == AMPLIFIED))
                 conclude(newton, number, tick, &s, off, piece <= accurate);
             if (status == SOLVED && (off <= 1.0 || piece <= accurate)) {

@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 
 from harness.compiling.engine_library import bytes_of, library, mirror
 from harness.engine.algorithm import Algorithm, attach_lines
-from harness.engine.defect import UNRESOLVED, WRONG, contact_of, unit_of
+from harness.engine.defect import UNRESOLVED, WRONG, contact_of, position_of, unit_of
 from harness.engine.native import Engine
 from harness.errors import ExperimentError
 from harness.masters import Master
@@ -140,7 +140,9 @@ class Loops(Algorithm):
                     own = plan.outputs[inner[line].source]
                     single = 0 < sum(plan.names[signal] in compared for signal in range(*own)) <= OF_A_MASS
                     reads = part, wires.index(inner[line]), numbers[force], len(self.loads), len(loads)
-                    self.contacts.append((*reads, *(own if single else (0, 0))))
+                    position = position_of(plan, inner[line])
+                    position = position if plan.names[position] in compared else -1  # it may be recorded only
+                    self.contacts.append((*reads, *(own if single else (0, 0)), position))
                     self.loads += loads
             states = [
                 (signal, next(i for i, wire in enumerate(wires) if wire in inner and wire.target == part))

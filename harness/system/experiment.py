@@ -14,7 +14,7 @@ LOOP_TOLERANCE: Final = 3e-8
 more."""
 
 COUPLING_TOLERANCE: Final = 1e-5  # default of `Experiment.coupling_tolerance`
-STEP_TOLERANCE: Final = 0.02  # default of `Experiment.step_tolerance`
+STEP_TOLERANCE: Final = 0.01  # default of `Experiment.step_tolerance`
 LIMITS: Final = {  # what it is, and the numbers as a message shows them
     "loop_tolerance": ("tolerance of loops", "1e-14", "0.01"),
     "coupling_tolerance": ("coupling tolerance", "1e-12", "0.01"),
@@ -54,7 +54,7 @@ class Experiment:
         None stands for 1e-5.
     step_tolerance : float or None
         Difference between a step and its two halves, relative to the magnitude of the values, from which the masters
-        newton and adaptive divide a step that they check; None stands for 0.02.
+        newton and adaptive divide a step that they check; None stands for 0.01.
     manipulators : tuple of Manipulator
         Changes to the values of connections during the run.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -167,3 +168,21 @@ def test_the_load_of_a_held_motor_oscillates_as_in_closed_form(build_fmu: BuildF
         result = system.run(stop=40 * angle / w, step=angle / w, master=master)
     np.testing.assert_allclose(result["drive.x2"].values, x0 * np.cos(w * result.time.values), atol=1e-3 * x0)
     assert np.abs(result["drive.x1"].values).max() < 1e-4 * x0
+
+
+@pytest.mark.parametrize("turn", some([*np.arange(44.05, 56.0, 0.45)], [48.1, 49.0, 52.6]))
+def test_a_mass_turns_back_as_in_closed_form(build_fmu: BuildFmu, turn: float) -> None:
+    """Over three steps, a thrown mass turns its contact from +W to -W, whenever the last scheduled check was.
+
+    1 kg under -1000 N on a spring of 1e5 N/m that slips at 1 N; tolerated are 1 % of the friction over these steps.
+    """
+    m, k, W, P, h = 1.0, 1e5, 1.0, 1000.0, 1e-4
+    start = {"mass.m": m, "mass.k": 0.0, "mass.d": 0.0, "mass.F_drive": -P, "mass.v0": (P + W) / m * turn * h}
+    start |= {"friction.N": 1.0, "friction.k[1]": k, "friction.W[1]": W}
+    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu("MaxwellSlip"))]
+    with System(parts, ["mass.v -> friction.v", "friction.F -> mass.F_friction"], start) as system:
+        v = system.run(stop=70 * h, step=h, master="newton")["mass.v"].to_numpy()
+    rate, sliding = math.sqrt(k / m), math.sqrt(4.0 * P * W / k / m)  # the spring has taken and returned its energy
+    lasts = math.acos((P - W) / (P + W)) / rate
+    turns = 35 * h + v[35] * m / (P + W)
+    assert v[70] == pytest.approx(-sliding - (P - W) / m * (70 * h - turns - lasts), abs=0.01 * W / m * 3 * h)

@@ -26,15 +26,18 @@ EXPORT void span_after(const Newton *newton, const Progress *p, double piece, Sp
 {
     *found = next_span(newton, 0, p, piece);
 }
-EXPORT double shortest_span(const Newton *newton, const Progress *p);
-EXPORT double shortest_span(const Newton *newton, const Progress *p) { return shortest(newton, p); }
+EXPORT double shortest_span(const Newton *newton, const Progress *p, double before);
+EXPORT double shortest_span(const Newton *newton, const Progress *p, double before)
+{
+    return shortest(newton, p, before);
+}
 EXPORT void conclude_check(Newton *newton, int64_t tick, const Span *s, double off, bool smallest);
 EXPORT void conclude_check(Newton *newton, int64_t tick, const Span *s, double off, bool smallest)
 {
     conclude(newton, 0, tick, s, off, smallest);
 }
 """
-RUNG, RUNGS, SOON, CONFIRMATIONS, AMPLIFIED = 4.0, 8, 16, 4, 4.0
+RUNG, RUNGS, SLOWER, SOON, CONFIRMATIONS, AMPLIFIED = 4.0, 8, 64.0, 16, 4, 4.0
 
 
 class Bracket(ctypes.Structure):
@@ -63,7 +66,7 @@ def master(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     loaded.next_iterate.restype = loaded.shortest_span.restype = c_double
     loaded.next_iterate.argtypes = (ctypes.c_void_p, c_double, c_double, c_double, c_int64)
     loaded.span_after.argtypes = (ctypes.c_void_p, ctypes.c_void_p, c_double, ctypes.c_void_p)
-    loaded.shortest_span.argtypes = (ctypes.c_void_p, ctypes.c_void_p)
+    loaded.shortest_span.argtypes = (ctypes.c_void_p, ctypes.c_void_p, c_double)
     loaded.conclude_check.argtypes = (ctypes.c_void_p, c_int64, ctypes.c_void_p, c_double, c_bool)
     return loaded
 
@@ -122,15 +125,17 @@ def test_the_last_span_ends_with_the_step(master: ctypes.CDLL, piece: float, las
 
 
 def test_spans_after_a_jump_may_be_shorter(master: ctypes.CDLL) -> None:
-    """A sixteenth of the time since the jump, at least the first piece of a check, at most the usual one."""
+    """A part of the time since the jump, at least the first piece of a check, at most the usual one."""
 
-    def found(done: float, since: float) -> float:
+    def found(done: float, since: float, before: float = 2.0) -> float:
         progress = Progress(0.0, 2.0, done, since, 0)
-        return float(master.shortest_span(Loop().address, ctypes.addressof(progress)))
+        return float(master.shortest_span(Loop().address, ctypes.addressof(progress), before))
 
     assert found(1.0, -1.0) == 2.0
-    assert found(0.9, 0.5) == pytest.approx(0.4 / RUNG**2, rel=1e-15)
+    assert found(0.9, 0.5) == pytest.approx(0.4 / SLOWER, rel=1e-15)
     assert found(0.5, 0.5) == 2.0 * RUNG ** (1 - RUNGS)
+    assert found(1.0, -1.0, 1e-3) == found(0.9, 0.5, 1e-3) == RUNG * 1e-3  # it is compared with the piece before it
+    assert found(0.0, 0.0, 1e-9) == 2.0 * RUNG ** (1 - RUNGS)  # which the last step does not count as
 
 
 def test_findings_that_recur_are_counted(master: ctypes.CDLL) -> None:

@@ -259,7 +259,7 @@ class _Writer:
         groups_of_lines = [group_of[wire.target] for wire in loops.wires]
         return [
             *c_rows("Group group_data", groups, "{0}"),
-            *c_rows("Contact contact_data", contacts, "{0, 0, 0, 0, 0, 0, 0}"),
+            *c_rows("Contact contact_data", contacts, "{0, 0, 0, 0, 0, 0, 0, 0}"),
             *c_integers("load_inputs", loops.loads),
             *c_rows("StateOutput state_data", states, "{0, 0}"),
             *c_rows("char *const loop_names", names, '""'),
