@@ -277,6 +277,72 @@ def test_a_contact_without_known_load_holds_within_its_jump() -> None:
     np.testing.assert_allclose(speed, 5.0 * np.maximum(t - 0.2, 0.0) ** 2, atol=1e-4)
 
 
+def test_a_break_away_takes_as_many_steps_in_all_units() -> None:
+    """The same with a hundredth of the mass and of all forces, and steps of 25 ms: v is exact."""
+    substeps = []
+    for scale in (1.0, 0.01):
+        v, F = Port("v", "m/s"), Port("F", "N")
+        friction = CallablePart("friction", lambda t, u, x, Fc=2.0 * scale: Fc * np.sign(u[0]), [v], [F])
+        plant = CallablePart(
+            "mass",
+            lambda t, u, x: x,
+            [F, Port("drive", "N")],
+            [v],
+            advance=lambda t, h, u, x, m=scale: [x[0] + h * (u[1] - u[0]) / m],
+            state=[0.0],
+            dependencies={"v": ()},
+        )
+        drive = SeriesPart("drive", [0.0, 1.0], {"F": [0.0, 10.0 * scale]})
+        wires = ["friction.F -> mass.F", "mass.v -> friction.v", "drive.F -> mass.drive"]
+        result = System([plant, friction, drive], wires).run(stop=0.4, step=0.025, master="newton")
+        np.testing.assert_allclose(result["mass.v"], 5.0 * np.maximum(result["time"] - 0.2, 0.0) ** 2, atol=1e-8)
+        substeps.append(result.attrs["substeps"])
+    assert substeps[0] == substeps[1]
+
+
+def test_parts_of_a_loop_take_each_step_once() -> None:
+    """Friction of 2 N holds a mass whose load jumps before each step; the force after a jump is sought by a trial."""
+    v, F = Port("v", "m/s"), Port("F", "N")
+    load = np.array([0.5, -0.9, 1.5, 1.2, 0.0, 0.8, -1.5, -0.3, 0.2, 0.1])
+    friction = CallablePart("friction", lambda t, u, x: 2.0 * np.sign(u[0]), [v], [F])
+    plant = CallablePart(
+        "mass",
+        lambda t, u, x: x,
+        [F, Port("drive", "N")],
+        [v, "steps"],
+        advance=lambda t, h, u, x: [x[0] + h * (u[1] - u[0]), x[1] + 1.0],
+        state=[0.0, 0.0],
+        dependencies={"v": (), "steps": ()},
+    )
+    drive = SeriesPart(
+        "drive", 0.01 * np.arange(10.0), {"F": load}, {"F": "N"}, interpolation="previous", beyond="hold"
+    )
+    wires = ["friction.F -> mass.F", "mass.v -> friction.v", "drive.F -> mass.drive"]
+    result = System([plant, friction, drive], wires).run(stop=0.1, step=0.01, master="newton")
+    np.testing.assert_array_equal(result["mass.steps"], np.arange(11.0))
+    np.testing.assert_array_equal(result["mass.v"], 0.0)
+    np.testing.assert_allclose(result["friction.F"][1:], load, atol=1e-5)
+
+
+def test_a_checked_step_ends_with_the_holding_force() -> None:
+    """Friction of 2 N, not recognised as a contact, holds a load of 0.5 N: the start of the force, 0, rings away."""
+    friction = CallablePart("friction", lambda t, u, x: 2.0 * np.sign(u[0]), ["v"], ["F"])
+    plant = CallablePart(
+        "mass",
+        lambda t, u, x: x,
+        ["F"],
+        ["v"],
+        advance=lambda t, h, u, x: [x[0] + h * (0.5 - u[0])],
+        state=[0.0],
+        dependencies={"v": ()},
+    )
+    system = System([plant, friction], ["friction.F -> mass.F", "mass.v -> friction.v"])
+    result = system.run(stop=0.02, step=1e-3, master="newton")
+    assert result.attrs["checks"] > 3
+    k = np.arange(21)
+    assert (np.abs(result["friction.F"] - 0.5) <= 0.5 * (1 + k) * 0.5**k + 1e-6).all()
+
+
 def test_growth_beyond_the_squares_of_numbers_is_declared_wrong() -> None:
     """With c h = 10 m, Gauss-Seidel multiplies v by -9 in each step, up to 1e238: the squares are infinite."""
     friction = CallablePart("friction", lambda t, u, x: 1e4 * u[0], ["v"], ["F"])

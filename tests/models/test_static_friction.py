@@ -526,6 +526,16 @@ def test_a_force_of_just_the_static_friction_is_held(block: GetLibrary, s: float
         assert s * run.get1("x") > 1e-3
 
 
+@pytest.mark.parametrize("rate", [0.5, 5.0])
+def test_friction_that_grows_from_nothing_holds_a_load_that_grows_more_slowly(block: GetLibrary, rate: float) -> None:
+    with Instance(block("SwitchMass")) as run:
+        run.initialise(v_belt=0.0, v0=0.0, Fn=0.0)
+        assert run.input_derivatives({"Fn": rate, "F_load": 0.9 * rate}) == OK
+        run.step(0.0, 2.0)
+        assert run.get("x", "v", "stuck") == [0.0, 0.0, 1.0]
+        assert run.get1("F") == pytest.approx(1.8 * rate, rel=1e-12)
+
+
 def belt_period(library: Library, h: float, **values: float) -> float:
     """The second period, from the passages of x = 0.5 in stick, where x is linear in time."""
     passages: list[float] = []

@@ -51,6 +51,12 @@ EQUIVALENT = {
     "fmu_src/composite/composite.h: if (size - end < sizeof inner)  ->  if (size - end <= sizeof inner)": (
         "no part has a state without bytes"
     ),
+    "fmu_src/composite/composite.h: bool good = m->solved >= 0.0 && m->solved <= fmax(m->spent, 0.0) + slack && "
+    "is_bit(m->exchange) &&  ->  bool good = m->solved >= 0.0 && m->solved < fmax(m->spent, 0.0) + slack && "
+    "is_bit(m->exchange) &&": ("a state exactly at the end of the slack"),
+    "fmu_src/composite/composite.h: isfinite(m->time) && fabs(m->spent) <= 1.001 * STEP_SIZE && m->drift >= 0.0 && "
+    "m->drift < INFINITY &&  ->  isfinite(m->time) && fabs(m->spent) <= (1.05 * 1.001) * STEP_SIZE && m->drift >= "
+    "0.0 && m->drift < INFINITY &&": ("a run is never between the two bounds"),
     'fmu_src/fmi2.h: c->name, t, bad < INPUTS ? c->row_of[inputs[bad]]->name : "an input");  ->  c->name, t, '
     'bad <= INPUTS ? c->row_of[inputs[bad]]->name : "an input");': ("one input is not finite where there is a fault"),
     "fmu_src/fmi3/fmi3_values.h: const int size = values[i] < INT32_MAX ? (int)values[i] : INT32_MAX;  ->  "
@@ -76,6 +82,9 @@ EQUIVALENT = {
     "fmu_src/friction/KarnoppMass.c: phi3 = 1.0;  ->  phi3 = (1.05 * 1.0);": (
         "the first term of a series, below 1e-16"
     ),
+    "fmu_src/friction/KarnoppMass.c: if (dy * jerk < 0.0) {  ->  if (dy / jerk < 0.0) {": (
+        "the sign is the same, and without a jerk the turn is at no time"
+    ),
     "fmu_src/friction/LuGre.c: const double viscous = asymmetric && v < 0.0 ? sigma2_neg : sigma2;  ->  const"
     " double viscous = asymmetric && v <= 0.0 ? sigma2_neg : sigma2;": (
         "at v = 0, viscous friction is 0 for all coefficients"
@@ -95,6 +104,10 @@ EQUIVALENT = {
     "fmu_src/friction/ResetIntegrator.c: m->run.outputs_done = true;  ->  dropped": ("the outputs are computed twice"),
     "fmu_src/friction/SevenParameter.c: if (!(now > last->begin))  ->  if (!(now >= last->begin))": (
         "of two pieces that begin together, the search finds the later one"
+    ),
+    "fmu_src/friction/SevenParameter.c: if (follows && to->thinned == from->thinned && to->count > 0) {  ->  if "
+    "(follows && to->thinned == from->thinned && to->count >= 0) {": (
+        "an empty history is that of the start; the place before the ring holds what has just been copied"
     ),
     "fmu_src/friction/SwitchMass.c: if (until < t) {  ->  if (until <= t) {": (
         "no force exceeds static friction in both directions, and at the end of the step the phase follows from "
@@ -149,11 +162,17 @@ EQUIVALENT = {
     "fmu_src/signals/Record.c: for (size_t i = guess; i < guess + 4 && i < LAST; i++) {  ->  for (size_t i = "
     "guess; i <= guess + 4 && i < LAST; i++) {": ("what this search misses, another finds"),
     "fmu_src/wasm/print.c: if (last > d->low) {  ->  if (last >= d->low) {": ("the digit behind the last one is 0"),
+    "harness/engine/defect.h: p->unstable += fabs(p->fed) > FED * p->flow && fabs(p->fed) > 0.5 * fabs(p->net);  "
+    "->  p->unstable += fabs(p->fed) > FED * p->flow && fabs(p->fed) >= 0.5 * fabs(p->net);": (
+        "an energy of exactly half of the other"
+    ),
     "harness/engine/engine.c: if (operations[0] != SET || operations[2] != STEP || operations[4] != GET || "
     "operations[3] != part ||  ->  if (operations[0] != SET || operations[2] != STEP || operations[4] == GET "
     "|| operations[3] != part ||": ("the operations of each part one by one give the same"),
     "harness/engine/engine.c: if (status <= 1 && p->output_count > 0) {  ->  if (status <= 1 && "
     "p->output_count >= 0) {": ("getting no values changes nothing"),
+    "harness/engine/fixed_point.h: for (double part = 1.0; part > 1e-3; part *= 0.5) {  ->  for (double part = "
+    "1.0; part > 1e-3; part *= (1.05 * 0.5)) {": ("the lengths that are tried, not the accuracy of the best one"),
 }
 """Mutants that no test can find, as they are printed but without the number of the line, and why."""
 FOLDERS = {  # tests of what no single block is compiled with, by the beginning of the path
