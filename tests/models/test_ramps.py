@@ -214,6 +214,18 @@ def test_an_elastic_perfectly_plastic_contact_follows_a_rising_level(
     assert abs(z - expected) * sigma0 < 1e-9
 
 
+def test_an_elastic_perfectly_plastic_contact_slips_at_its_level(block: Callable[[str], Library]) -> None:
+    """z_ba > z_max: after a reversal and a long path, dz/dt = 0 although z may be below z_max by a rounding error."""
+    draw = np.random.default_rng(1)
+    for v_before, v, h in draw.uniform((0.01, 0.01, 0.1), (0.05, 0.05, 1.0), (200, 3)).tolist():
+        with Instance(block("ElastoPlastic")) as run:
+            run.initialise(z_ba=2e-5, v=-v_before)
+            run.step(0.0, 0.1)
+            assert run.input_derivatives({"v": (v_before + v) / h}) == OK
+            run.step(0.1, h)
+            assert run.get1("F") == pytest.approx(1.0 + 0.4 * v, abs=1e-9)
+
+
 def test_modified_leuven_ends_a_step_over_levels_twelve_decades_apart(block: Callable[[str], Library]) -> None:
     """The elements end on the Stribeck curve, in less than a second."""
     elements = {"k[1]": 0.0, "k[2]": 379.9, "k[3]": 396.0, "W[1]": 0.15, "W[2]": 0.15, "W[3]": 3.9e7, "N": 3}

@@ -381,6 +381,17 @@ def test_a_held_mass_does_not_creep_and_the_first_break_away_is_late(block: GetL
 
 
 @pytest.mark.parametrize("s", [1.0, -1.0])
+def test_at_the_edge_of_the_band_a_mass_still_slides(block: GetLibrary, s: float) -> None:
+    """v = v0 - t is DV after 0.5 s; all numbers are exact."""
+    with Instance(block("KarnoppMass")) as run:
+        run.initialise(v0=s * (0.5 + 2.0**-10), DV=2.0**-10, Fv=0.0)
+        run.step(0.0, 0.5)
+        assert run.get("v", "F", "stuck") == [s * 2.0**-10, s, 0.0]
+        run.step(0.5, 1e-9)
+        assert run.get("v", "F", "stuck") == [0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize("s", [1.0, -1.0])
 def test_below_the_friction_of_sliding_a_mass_stays_at_the_edge(block: GetLibrary, s: float) -> None:
     """Fs < F_ext < Fc: the band pushes out what sliding slows down; it rests, and slides above Fc + Fv DV."""
     with Instance(block("KarnoppMass")) as run:
