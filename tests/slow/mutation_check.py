@@ -173,6 +173,8 @@ EQUIVALENT = {
     "p->output_count >= 0) {": ("getting no values changes nothing"),
     "harness/engine/fixed_point.h: for (double part = 1.0; part > 1e-3; part *= 0.5) {  ->  for (double part = "
     "1.0; part > 1e-3; part *= (1.05 * 0.5)) {": ("the lengths that are tried, not the accuracy of the best one"),
+    "harness/engine/tick.h: if (e->manipulator_count > 0 && e->begins)  ->  if (e->manipulator_count >= 0 && "
+    "e->begins)": ("without manipulators there is nothing to set"),
 }
 """Mutants that no test can find, as they are printed but without the number of the line, and why."""
 FOLDERS = {  # tests of what no single block is compiled with, by the beginning of the path
