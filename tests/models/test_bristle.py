@@ -89,6 +89,7 @@ def test_bristles_are_springs_up_to_their_first_break(bristle: Library) -> None:
             x = 1e-6 * (k + 1)
             expected = [N * SIGMA0 * x, x, 0.5 * N * SIGMA0 * x * x, 0.0]
             assert run.get("F", "z", "E", "rebonds") == pytest.approx(expected, rel=1e-12)
+            assert run.get1("der(z)") == 1e-3
         run.step(0.011, 1e-3 * (1.0 - 1e-9))
         assert run.get1("F") == pytest.approx(N * SIGMA0 * DELTA_S, rel=1e-8)
         run.step(0.011 + 1e-3 * (1.0 - 1e-9), 1e-6)

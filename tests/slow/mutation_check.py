@@ -72,6 +72,7 @@ EQUIVALENT = {
     "(m->memory.slips[i] != 0.0 || force > level * level_at(m, 0.0)) {": (
         "the search finds an element at its level at once, too"
     ),
+    "fmu_src/friction/GMS.c: width *= 2.0;  ->  dropped": ("more work behind a near miss, as intervals stay short"),
     "fmu_src/friction/GenericAsperity.c: if (A > 0.0 && !(N * fabs(mean) * h <= 2.0 * MOST_TRIES * "
     "wavelength))  ->  if (A > 0.0 && !(N * fabs(mean) * h <= (1.05 * 2.0) * MOST_TRIES * wavelength))": (
         "how much work is refused"
@@ -148,6 +149,8 @@ EQUIVALENT = {
     " * 1.0) - 1e-3);": ("the place of the next try, not the bracket"),
     "fmu_src/numerics/relaxation.h: if (converged || (row >= 2 && !(error <= 2.0 * previous)))  ->  if "
     "(converged || (row >= 2 && !(error < 2.0 * previous)))": ("an error of exactly twice the previous one"),
+    "fmu_src/numerics/relaxation.h: *step = fmin(*step, (4.0 * detail + 2.0 * fabs(start)) / fabs(rate));  ->  "
+    "*step = fmin(*step, ((1.05 * 4.0) * detail + 2.0 * fabs(start)) / fabs(rate));": ("the length of the first step"),
     "fmu_src/numerics/rodas.h: const double factor = error < 0.0 ? 0.2 : clip(0.9 * pow(fmax(error, 1e-12), "
     "-0.25), 0.2, 6.0);  ->  const double factor = error < 0.0 ? (1.05 * 0.2) : clip(0.9 * pow(fmax(error, "
     "1e-12), -0.25), 0.2, 6.0);": ("the size of the next try"),
@@ -173,6 +176,9 @@ EQUIVALENT = {
     "p->output_count >= 0) {": ("getting no values changes nothing"),
     "harness/engine/fixed_point.h: for (double part = 1.0; part > 1e-3; part *= 0.5) {  ->  for (double part = "
     "1.0; part > 1e-3; part *= (1.05 * 0.5)) {": ("the lengths that are tried, not the accuracy of the best one"),
+    "harness/engine/step_check.h: if (newton->moving[k].inner && bend > BENT * fabs(change) && bend > SLIGHT * "
+    "newton->moving[k].scale)  ->  if (newton->moving[k].inner && bend > BENT * fabs(change) && bend >= SLIGHT * "
+    "newton->moving[k].scale)": ("a deviation of exactly a thousandth of the magnitude"),
     "harness/engine/tick.h: if (e->manipulator_count > 0 && e->begins)  ->  if (e->manipulator_count >= 0 && "
     "e->begins)": ("without manipulators there is nothing to set"),
 }
@@ -182,6 +188,7 @@ FOLDERS = {  # tests of what no single block is compiled with, by the beginning 
     "fmu_src/composite/": ("composite/",),
     "fmu_src/fmi2": ("shell/", "exchange/"),
     "fmu_src/fmi3/": ("fmi3/", "shell/", "exchange/", "check/"),
+    "fmu_src/numerics/": ("models/test_numerics.py",),
     "fmu_src/solver.h": ("shell/",),
     "fmu_src/wasm/": ("wasm/",),
     "harness/": ("harness/", "accuracy/"),
