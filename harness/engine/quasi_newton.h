@@ -170,15 +170,15 @@ static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, co
     double *const w0 = newton->work, *const r0 = w0 + most, *const step = r0 + most, *const change = step + most;
     Bracket bracket = {{0.0, 0.0}, INFINITY, {false, false}, 0.0, 0.0, 0.0, {0.0, 0.0}, 0.0, 0.0, 0.0, -1, false};
     double norm = 0.0;
-    const double inverse_before = inverse[0];
+    const double inverse_before = inverse[0], tolerance = newton->tolerance * share_of_tolerance(s);
 
     newton->jumped = false;
     for (int64_t j = 0; j < n; j++) /* warm start */
         w[j] = newton->w_last[g->unknown + j] + newton->trend[g->unknown + j] * s->h;
     int status = evaluate(e, newton, g, s, again, &norm);
-    for (int64_t tries = 1; status == SOLVED && norm > newton->tolerance; tries++) {
+    for (int64_t tries = 1; status == SOLVED && norm > tolerance; tries++) {
         if (tries > (n == 1 ? MOST_BISECTIONS : MOST_EVALUATIONS)) {
-            if (norm <= NOISY * newton->tolerance)
+            if (norm <= NOISY * tolerance)
                 break; /* the outputs of a part with an error control of its own are not smoother */
             newton->worst_residual = norm;
             return NOT_CONVERGED;
@@ -202,7 +202,7 @@ static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, co
             if (tries == 1)
                 bracket.limit = 1e3 * fmax(newton->scale[g->unknown], fmax(fabs(w0[0]), fabs(w0[0] + r0[0])));
             note(&bracket, w0[0], r0[0]);
-            if (narrows(&bracket, newton->tolerance * fmax(newton->scale[g->unknown], fabs(w0[0])))) {
+            if (narrows(&bracket, tolerance * fmax(newton->scale[g->unknown], fabs(w0[0])))) {
                 if (fmax(bracket.r[0], bracket.r[1]) > POLE * bracket.wide) {
                     newton->worst_residual = norm;
                     return NOT_CONVERGED;
