@@ -275,7 +275,8 @@ static bool is_held(const Newton *newton, const Group *g, int64_t output)
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         const Moving *const a = &newton->kept_lines[c->line];
         const bool moved = a->rests == AT_REST && a->role == IN_JUMP; /* before it came to rest again */
-        if (output >= c->of_mass && output < c->of_next && !moved && is_rest(a) && is_rest(velocity_of(newton, c)))
+        const bool own = (output >= c->of_mass && output < c->of_next) || output == c->position;
+        if (own && !moved && is_rest(a) && is_rest(velocity_of(newton, c)))
             return true;
     }
     return false;
@@ -344,7 +345,8 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
         if (is_held(newton, g, newton->states[i].output))
             continue;
         const double kept = newton->kept_states[i], value = e->signals[newton->states[i].output];
-        const double size = fmax(newton->state_sizes[i], fmax(fabs(kept), fabs(value)));
+        const double least = newton->states[i].is_force ? EQUAL * strength : 0.0;
+        const double size = fmax(fmax(newton->state_sizes[i], least), fmax(fabs(kept), fabs(value)));
         const double tolerated = tolerance * (early ? AT_START : DISTANCE_FACTOR);
         const double noise = noise_of(newton, g, newton->states[i].output) * s->h * s->h;
         const double off = fabs(kept - value) <= noise ? 0.0 : fabs(kept - value) / (tolerated * size);

@@ -186,3 +186,16 @@ def test_a_mass_turns_back_as_in_closed_form(build_fmu: BuildFmu, turn: float) -
     lasts = math.acos((P - W) / (P + W)) / rate
     turns = 35 * h + v[35] * m / (P + W)
     assert v[70] == pytest.approx(-sliding - (P - W) / m * (70 * h - turns - lasts), abs=0.01 * W / m * 3 * h)
+
+
+def test_a_ringing_within_the_step_decays(build_fmu: BuildFmu) -> None:
+    """m x'' + sigma1 x' + (k + sigma0) x = k V t, as the contact stays far below its limit: x rings 30 times in a step
+    and decays by exp(-sigma1 t/(2 m)). The errors of the hundreds of loops in a step must not keep it ringing."""
+    m, k, V, sigma0, sigma1 = 8.7e-5, 16e3, 8e-6, 15e3, 5e-4
+    start = {"mass.m": m, "mass.k": k, "mass.v_support": V, "mass.F_drive": 0.0, "friction.sigma0": sigma0}
+    start |= {"friction.sigma1": sigma1, "friction.sigma2": 0.0, "friction.Fc": 1e3, "friction.Fs": 1e3}
+    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu("LuGre"))]
+    with System(parts, ["mass.v -> friction.v", "friction.F -> mass.F_friction"], start) as system:
+        v = system.run(stop=2.0, step=1e-2, master="newton", record=["mass.v"])["mass.v"].to_numpy()
+    steady = k * V / (k + sigma0)
+    np.testing.assert_allclose(v[170:], steady, atol=(math.exp(-0.5 * sigma1 / m * 1.7) + 1e-2) * steady)
