@@ -109,6 +109,7 @@ def numerics(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     folder = tmp_path_factory.mktemp("numerics")
     (folder / "numerics.c").write_text(CODE, encoding="utf-8")
     flags = ["-std=c99", "-O1", "-shared", "-fPIC", f"-I{NUMERICS}"]
+    flags += ["-ftrivial-auto-var-init=pattern"]  # what is not set is no number
     subprocess.run([*compiler(), *flags, "numerics.c", "-lm", "-o", "numerics.so"], cwd=folder, check=True)
     loaded = ctypes.CDLL(str(folder / "numerics.so"))
     numbers = np.ctypeslib.ndpointer(float, flags="C")
