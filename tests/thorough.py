@@ -1,4 +1,4 @@
-"""What does not run with README's command: what a landing adds (``LANDING=1``, `.ci/run`), and each night (``THOROUGH=1``)."""
+"""What README's command leaves out: tests for a landing (``LANDING=1``, `.ci/run`) and each night (``THOROUGH=1``)."""
 
 from __future__ import annotations
 

@@ -129,6 +129,10 @@ EQUIVALENT = {
     "fmu_src/friction/transition.h: static inline double flat_until(double n) { return n < 8.0 ? 0.0 : "
     "exp(-36.0 / n); }  ->  static inline double flat_until(double n) { return n < (1.05 * 8.0) ? 0.0 : "
     "exp(-36.0 / n); }": ("where the parts of a step end; |r|^n is below rounding there"),
+    "fmu_src/friction/transition.h: const bool stops = v * slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON "
+    "* fabs(v);  ->  const bool stops = v * slope < 0.0 && fabs(v + slope * h) < 4.0 * DBL_EPSILON * fabs(v);": (
+        "a rounding error of exactly the bound"
+    ),
     "fmu_src/numerics/attraction.h: *error = all > longest ? INF : fabs(gained - gained_simpson) / size + "
     "fabs(all - all_simpson);  ->  *error = all >= longest ? INF : fabs(gained - gained_simpson) / size + "
     "fabs(all - all_simpson);": ("a piece of exactly the largest length"),
