@@ -409,9 +409,10 @@ static int test(Engine *e, Newton *newton, const Group *g, const Contact *c, con
     else if (size > NO_JUMP)
         m->rigid = -1;
     const bool in_jump = force >= fmin(up, down) && force <= fmax(up, down);
-    /* a contact in motion stops only if less than its friction is needed for that */
-    const double slack = (1.0 - STOPS) * size;
-    const bool stops = m->rests || m->u0 == 0.0 || (m->u0 > 0.0 ? force <= up + slack : force >= down - slack);
+    /* a contact in motion stops only if no more than its friction, at v = 0 or on the way there, is needed for that */
+    const double slack = (1.0 - STOPS) * size, mean = 0.5 * (friction[0] + friction[1]);
+    const bool stops =
+        m->rests || m->u0 == 0.0 || (m->u0 > 0.0 ? force <= fmax(up, mean) + slack : force >= fmin(down, mean) - slack);
     m->role = by_load ? AT_REST : IN_JUMP;
     *holds = m->rigid > 0 && stops && (by_load || in_jump);
     /* in a divided step, a contact that goes on in the other direction is located, too */
@@ -420,7 +421,6 @@ static int test(Engine *e, Newton *newton, const Group *g, const Contact *c, con
         for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
             if (e->lines[k].end == load)
                 other = e->lines[k].mean;
-        const double mean = 0.5 * (friction[0] + friction[1]);
         /* the load of one of several contacts is not known, but the velocity at the end if friction acts until then */
         const double *const inverse =
             newton->work + 6 * newton->most_unknowns + newton->most_unknowns * newton->most_unknowns;
