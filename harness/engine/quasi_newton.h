@@ -9,7 +9,8 @@
 
 #include <float.h>
 
-#define NOISY 10.0 /* largest residual of a solution, over the tolerance, if no iteration reaches the tolerance */
+#define PATIENT 20   /* evaluations after which a part of a step is solved to the tolerance of the whole one only */
+#define NOISY   10.0 /* largest residual of a solution, over the tolerance, if no iteration reaches the tolerance */
 
 /* inverse += (s - inverse y) s' inverse / (s' inverse y), Broyden 1965, for the step s that changed r by y. */
 static void update_inverse(double *inverse, int64_t n, const double *s, const double *y, double *by)
@@ -133,8 +134,8 @@ static bool narrows(Bracket *b, double width)
         b->wide = fmax(b->r[0], b->r[1]);
     if (now > width || b->steep || b->outer < 0)
         return false;
-    const double outside = fabs(b->outer_r - b->r[b->outer]) * now,
-                 within = (b->r[0] + b->r[1]) * fabs(b->outer_w - b->w[b->outer]);
+    const double outside = (b->outer_r - b->r[b->outer]) * now, /* negative beside a pole */
+        within = (b->r[0] + b->r[1]) * fabs(b->outer_w - b->w[b->outer]);
     b->steep = outside > 0.5 * within && within > 0.5 * outside;
     return !b->steep;
 }
@@ -170,15 +171,15 @@ static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, co
     double *const w0 = newton->work, *const r0 = w0 + most, *const step = r0 + most, *const change = step + most;
     Bracket bracket = {{0.0, 0.0}, INFINITY, {false, false}, 0.0, 0.0, 0.0, {0.0, 0.0}, 0.0, 0.0, 0.0, -1, false};
     double norm = 0.0;
-    const double inverse_before = inverse[0], tolerance = newton->tolerance * share_of_tolerance(s);
+    const double inverse_before = inverse[0], fine = newton->tolerance * share_of_tolerance(s);
 
     newton->jumped = false;
     for (int64_t j = 0; j < n; j++) /* warm start */
         w[j] = newton->w_last[g->unknown + j] + newton->trend[g->unknown + j] * s->h;
     int status = evaluate(e, newton, g, s, again, &norm);
-    for (int64_t tries = 1; status == SOLVED && norm > tolerance; tries++) {
+    for (int64_t tries = 1; status == SOLVED && norm > (tries <= PATIENT ? fine : newton->tolerance); tries++) {
         if (tries > (n == 1 ? MOST_BISECTIONS : MOST_EVALUATIONS)) {
-            if (norm <= NOISY * tolerance)
+            if (norm <= NOISY * newton->tolerance)
                 break; /* the outputs of a part with an error control of its own are not smoother */
             newton->worst_residual = norm;
             return NOT_CONVERGED;
@@ -202,7 +203,7 @@ static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, co
             if (tries == 1)
                 bracket.limit = 1e3 * fmax(newton->scale[g->unknown], fmax(fabs(w0[0]), fabs(w0[0] + r0[0])));
             note(&bracket, w0[0], r0[0]);
-            if (narrows(&bracket, tolerance * fmax(newton->scale[g->unknown], fabs(w0[0])))) {
+            if (narrows(&bracket, fine * fmax(newton->scale[g->unknown], fabs(w0[0])))) {
                 if (fmax(bracket.r[0], bracket.r[1]) > POLE * bracket.wide) {
                     newton->worst_residual = norm;
                     return NOT_CONVERGED;

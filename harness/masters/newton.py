@@ -145,12 +145,12 @@ class Loops(Algorithm):
                     position = position if plan.names[position] in compared else -1  # it may be recorded only
                     self.contacts.append((*reads, *(own if single else (0, 0)), position))
                     self.loads += loads
-            forces_of = self._force_units(plan, unknowns, group)
+            units = dict.fromkeys(self._force_units(plan, unknowns, group), 0)
             states = [
                 (
                     signal,
                     next(i for i, wire in enumerate(wires) if wire in inner and wire.target == part),
-                    int(unit_of(plan.ports[plan.names[signal]]) in forces_of),
+                    units.setdefault(unit_of(plan.ports[plan.names[signal]]), 1 + len(units)),
                 )
                 for part in group
                 if mine

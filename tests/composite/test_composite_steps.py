@@ -373,6 +373,18 @@ def test_outputs_follow_parameters_without_a_step(library: Library) -> None:
         assert run.get1("mass.a") == pytest.approx(0.5 * a, rel=1e-8)
 
 
+def test_errors_that_remain_are_told_at_the_end_of_the_run(compose: Callable[[str], Path]) -> None:
+    """A mass of 1 mg on 1e6 N/m swings 159 times in an inner step of 1 ms, which 512 pieces of it do not resolve."""
+    with Instance(load(compose("stick_slip"))) as run:
+        run.initialise(**{"mass.m": 1e-6, "mass.k": 1e6, "mass.v0": 1.0})
+        run.step(0.0, 1e-3)
+        run.must("Terminate")
+        ((_, status, category, message),) = run.messages
+        assert (status, category) == (WARNING, "logStatusWarning")
+        assert b"changes too fast for the step of 0.001 s" in message
+        assert b"the result is wrong" in message
+
+
 def test_a_law_inside_reports_a_fault(compose: Callable[[str], Path]) -> None:
     """An input that is not finite reaches a sampled law, which holds its outputs; a continuous part refuses it."""
     with Instance(load(compose("compensated_axis"))) as run:

@@ -79,6 +79,15 @@ def test_a_refused_start_value_names_the_parameter_and_leaves_the_drive_usable(d
     assert np.isfinite(drive.run({"v": VELOCITY}, ["F"], STEP)).all()
 
 
+def test_a_run_goes_on_after_a_warning(build_fmu: BuildFmu) -> None:
+    """Elements of 0.7 N are weaker than Fs, of which the first step warns."""
+    made = Drive(FmuPart("friction", build_fmu("ModifiedLeuven")))
+    weak = {f"W[{i}]": 0.07 for i in range(1, 11)}
+    rows = made.run({"v": [0.1] * 4}, ["F"], 1.0, start={**weak, "sigma1": 0.0, "sigma2": 0.0})
+    made.close()
+    np.testing.assert_allclose(rows[:, 0], [0.0, 0.7, 0.7, 0.7], rtol=1e-12)
+
+
 def test_a_failing_step_tells_its_time(drive: Drive) -> None:
     wild = np.array([0.0, 0.0, 0.0, 1e305, 1e305])
     with pytest.raises(PartError) as caught:

@@ -126,6 +126,32 @@ def test_a_mass_stops_whatever_its_normal_force(build_fmu: BuildFmu, master: str
     assert float(result["mass.x"][-1]) == pytest.approx(0.02 / (Fc * Fn), rel=1e-9)
 
 
+def test_a_mass_stops_early_in_a_step(build_fmu: BuildFmu) -> None:
+    """After 0.1 ms of 50 ms, x = m v0^2/(2 (Fc + 24 N)); Fs holds it under all later loads, but Fc would not."""
+    m, v0, Fc = 0.07, 0.05, 8.0
+    drive = SeriesPart("drive", [0.0, 0.1], {"F": [-24.0, 18.0]}, {"F": "N"})
+    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu("Stribeck")), drive]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
+    start = {"mass.m": m, "mass.k": 0.0, "mass.v0": v0, "friction.Fc": Fc, "friction.Fs": 80.0}
+    start |= {"friction.vs": 1e-5, "friction.Fv": 0.0}
+    with System(parts, [*wires, "drive.F -> mass.F_drive"], start) as system:
+        result = system.run(stop=0.1, step=0.05, master="newton")
+    np.testing.assert_allclose(result["mass.x"][1:], 0.5 * m * v0**2 / (Fc + 24.0), rtol=0.01)
+    assert (result["mass.v"][1:] == 0.0).all()
+
+
+def test_a_mass_may_start_anywhere(build_fmu: BuildFmu) -> None:
+    """1 kg at 4 m slows down as at 0, without a warning."""
+    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu("Coulomb"))]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
+    for x0 in (0.0, 4.0):
+        with System(parts, wires, {"mass.F_drive": 0.0, "mass.v0": 0.2, "mass.m": 1.0, "mass.x0": x0}) as system:
+            result = system.run(stop=0.1, step=0.01, master="newton")
+        np.testing.assert_allclose(result["mass.v"], 0.2 - result["time"], atol=1e-12)
+        assert result.attrs["substeps"] == 10
+        assert result.attrs["unresolved_error"] < 1e-3
+
+
 @pytest.mark.parametrize("master", ["newton", "gauss-seidel"])
 def test_what_follows_a_line_has_its_end_value(master: str, build_fmu: BuildFmu) -> None:
     """Begin + slope h differs from the end by rounding: most often where the value halves in a step."""

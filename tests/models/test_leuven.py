@@ -521,6 +521,14 @@ def test_too_small_elements_end_below_the_level_with_a_warning(modified: Library
         assert run.get1("z") - z_2 == pytest.approx(0.1 * (1.0 - 0.49), rel=1e-12)
 
 
+def test_elements_that_are_just_strong_enough_give_no_warning(modified: Library) -> None:
+    """Ten of 0.15 N, whose sum differs from Fs by rounding."""
+    with Instance(modified) as run:
+        run.initialise(Fs=1.5, v=0.1)
+        assert run.call("DoStep", 0.0, 1.0, 1) == OK
+        assert not run.messages
+
+
 @settings(reproducibly, max_examples=few(50))
 @given(steps=ramps, n=exponents)
 def test_too_small_elements_agree_with_scipy(

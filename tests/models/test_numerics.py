@@ -77,6 +77,7 @@ def test_quadrature_is_exact_for_polynomials() -> None:
 
 CODE = """
 #include "elimination.h"
+#include "extrapolation.h"
 #include "linear_step.h"
 #include "oscillator.h"
 #include "splitmix.h"
@@ -89,6 +90,18 @@ void advance(const double *a, const double *b, const double *c, double *x, doubl
     exponential(a, h, &of);
     linear_step(&of, b, c, x);
 }
+static void pull(const void *system, double s, const double *y, double *a)
+{
+    (void)s;
+    a[0] = -y[0] - *(const double *)system * (y[0] - y[1]);
+    a[1] = -y[1] - *(const double *)system * (y[1] - y[0]);
+}
+bool move(double *y, double k, double h)
+{
+    double left = 1e6, inner = 0.0;
+    const Dynamics d = {pull, &k, 2, sqrt(1.0 + 2.0 * k), CHAIN_TOLERANCE, &left};
+    return move_masses(&d, y, h, &inner);
+}
 """
 BESIDE = -77.0
 
@@ -99,12 +112,15 @@ def numerics(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     folder = tmp_path_factory.mktemp("numerics")
     (folder / "numerics.c").write_text(CODE, encoding="utf-8")
     flags = ["-std=c99", "-O1", "-shared", "-fPIC", f"-I{NUMERICS}", f"-DLINEAR_STATES={request.param}"]
+    flags += ["-ftrivial-auto-var-init=pattern"]  # what is not set is no number
     subprocess.run([*compiler(), *flags, "numerics.c", "-lm", "-o", "numerics.so"], cwd=folder, check=True)
     loaded = ctypes.CDLL(str(folder / "numerics.so"))
     numbers = np.ctypeslib.ndpointer(float, flags="C")
     loaded.scrambled.restype = ctypes.c_uint64
     loaded.scrambled.argtypes = (ctypes.c_uint64,)
     loaded.swing.argtypes = (numbers, *[ctypes.c_double] * 4)
+    loaded.move.restype = ctypes.c_bool
+    loaded.move.argtypes = (numbers, ctypes.c_double, ctypes.c_double)
     loaded.solve.restype = ctypes.c_bool
     loaded.solve.argtypes = (ctypes.c_int, numbers, numbers)
     loaded.advance.argtypes = (*[numbers] * 4, ctypes.c_double)
@@ -135,6 +151,17 @@ def test_linear_systems_are_solved_with_exchanged_rows(numerics: ctypes.CDLL) ->
     assert [*b] == pytest.approx([*expected, BESIDE], rel=1e-14)
     for singular in ([[1.0, 2.0], [2.0, 4.0]], [[0.0, 1.0], [0.0, 3.0]], [[np.nan, 1.0], [np.nan, 2.0]]):
         assert not numerics.solve(2, np.array(singular), np.ones(2))
+
+
+def test_coupled_masses_move_in_their_modes(numerics: ctypes.CDLL) -> None:
+    """1 kg each on 1 N/m, with k between them: in phase at 1 rad/s, in opposition at sqrt(1 + 2 k)."""
+    k, h, fast = 1.5, 3.0, 2.0
+    y = np.array([1.0, 0.5, 0.0, 0.0, BESIDE])
+    assert numerics.move(y, k, h)
+    slow, other = 0.75 * np.cos(h), 0.25 * np.cos(fast * h)
+    slow_rate, other_rate = -0.75 * np.sin(h), -0.25 * fast * np.sin(fast * h)
+    expected = [slow + other, slow - other, slow_rate + other_rate, slow_rate - other_rate, BESIDE]
+    np.testing.assert_allclose(y, expected, rtol=0.0, atol=1e-10)
 
 
 def test_random_bits_are_those_of_splitmix64(numerics: ctypes.CDLL) -> None:

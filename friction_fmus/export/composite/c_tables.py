@@ -252,7 +252,7 @@ class _Writer:
         plan, loops = self._plan, self._loops
         groups = [f"    {{{', '.join(str(getattr(row, field)) for field, *_ in row._fields_)}}}," for row in loops.rows]
         contacts = [f"    {{{', '.join(map(str, contact))}}}," for contact in loops.contacts]
-        states = [f"    {{{output}, {line}, {is_force}}}," for output, line, is_force in loops.states]
+        states = [f"    {{{output}, {line}, {unit}}}," for output, line, unit in loops.states]
         names = [f"    {c_string(_brief(loops.shown(number)))}," for number in range(len(loops.rows))]
         lines = [f"    {c_string(f'{plan.names[wire.output]} -> {plan.names[wire.input]}')}," for wire in loops.wires]
         group_of = {part: number for number, group in enumerate(loops.groups) for part in group}
