@@ -103,7 +103,7 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
             if (status == SOLVED && (checked || off == AMPLIFIED))
                 conclude(newton, number, tick, &s, off, piece <= accurate);
             if (status == SOLVED && (off <= 1.0 || piece <= accurate)) {
-                status = follow_rest(e, newton, g, s.t);
+                status = follow_rest(e, newton, g, &s);
                 if (status != SOLVED)
                     return status;
                 accept(e, newton, g, number, &end);
