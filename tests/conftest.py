@@ -17,7 +17,7 @@ import pytest
 from fmpy import read_model_description
 from quick import builds_of, options, quick_builds
 from shell.selection import ONE_OF_EACH, built
-from thorough import THOROUGH
+from thorough import LANDING, THOROUGH
 
 from friction_fmus import catalogue, fmu
 
@@ -29,9 +29,9 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what is for the night, and begin with what takes longest in one file."""
+    """Leave out what is for another run, and begin with what takes longest in one file."""
     if not THOROUGH:
-        left_out = {item for item in items if is_for_the_night(item)}
+        left_out = {item for item in items if is_for_the_night(item) or is_for_another_run(item)}
         config.hook.pytest_deselected(items=[item for item in items if item in left_out])
         items[:] = [item for item in items if item not in left_out]
     items.sort(key=lambda item: "wasm" not in item.path.parts)  # the first module compiles the C library
@@ -45,6 +45,12 @@ def is_for_the_night(item: pytest.Item) -> bool:
         return False
     block = item.callspec.params.get("library")
     return block not in ONE_OF_EACH and block in catalogue()
+
+
+def is_for_another_run(item: pytest.Item) -> bool:
+    """Whether a test is left out with README's command, or in the second run of a landing."""
+    second = item.get_closest_marker("landing") is not None
+    return not second and "slow" not in item.path.parts if LANDING else second
 
 
 def pytest_collection_finish() -> None:

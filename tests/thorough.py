@@ -1,4 +1,4 @@
-"""What runs each night only, with ``THOROUGH=1`` (`nightly.sh`), and what stands for it before a change lands."""
+"""What does not run with README's command: what a landing adds (``LANDING=1``, `.ci/run`), and each night (``THOROUGH=1``)."""
 
 from __future__ import annotations
 
@@ -11,9 +11,13 @@ import pytest
 
 _T = TypeVar("_T")
 THOROUGH = bool(os.environ.get("THOROUGH"))
+LANDING = bool(os.environ.get("LANDING"))
 
 nightly = pytest.mark.nightly
 """Marks tests and parameters that run each night only."""
+
+landing = pytest.mark.landing
+"""Marks tests and parameters that run beside those of `slow` before a change lands, but not with README's command."""
 
 
 def some(every: Sequence[_T], chosen: Sequence[_T]) -> Sequence[_T]:

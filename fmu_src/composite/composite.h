@@ -1288,6 +1288,21 @@ static void find_holding(const Instance *c, const Group *g, bool *holds)
         holds[k->unknown] = holds[k->unknown] || m->moving[k->line].role == IN_JUMP;
 }
 
+#define STIFF 0.1 /* slope of a value over that of the residual */
+
+/* Return whether a change of a value comes back to it many times as large: between the ends of the tick, the forces on
+   a light mass differ little on their lines, but its velocity much. */
+static bool is_stiff(const Newton *n)
+{
+    for (int64_t g = 0; g < GROUPS; g++)
+        for (int64_t j = 0; group_data[g].is_loop && j < group_data[g].unknowns; j++) {
+            const double slope = n->inverse[g * n->most_unknowns * n->most_unknowns + j * (group_data[g].unknowns + 1)];
+            if (slope < 0.0 && slope > -STIFF)
+                return true;
+        }
+    return false;
+}
+
 /* Compute the values within a tick and remember its start. The loop of a part of a tick may have other solutions,
    which are not those that the whole tick passes through. */
 static bool divide_span(Instance *c, double length)
@@ -1308,7 +1323,7 @@ static bool divide_span(Instance *c, double length)
     remember_tick(c);
     if (!return_to_span(c))
         return false;
-    if (whole)
+    if (whole && !is_stiff(&c->newton))
         return move_on_lines(c, length, rests, holds);
     c->tick = *m;
     e->status = 0;

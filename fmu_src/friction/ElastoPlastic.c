@@ -87,10 +87,11 @@ struct stage {
 #include "stribeck.h"
 #include "until_change.h"
 
-/* Return the plastic part of the motion, alpha z / z_ss, for a deflection in the direction of motion. */
+/* Return the plastic part of the motion, alpha z / z_ss, for a deflection in the direction of motion. For z_ba > z_max
+   it jumps at z_max, where bristles slip that a rounding error is below it. */
 static double plastic(double deflection, double z_max, double z_ba)
 {
-    if (deflection >= z_max)
+    if (deflection >= z_max * (1.0 - 4.0 * DBL_EPSILON))
         return deflection / z_max;
     if (deflection <= z_ba)
         return 0.0;

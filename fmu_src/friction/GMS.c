@@ -213,7 +213,7 @@ static double arrival(const Model *m, double force, double stiffness, double lev
             S_a = S_b;
             force_a = force_b;
             width *= 2.0;
-        } else if (b - a <= 4.0 * DBL_EPSILON * b || tries > 1000) {
+        } else if (b - a <= 4.0 * DBL_EPSILON * b || tries > 100000) {
             *reached = clip(level * S_b, force_a, force_b); /* one of them may jump */
             return b;
         } else {

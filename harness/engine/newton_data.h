@@ -46,6 +46,7 @@ typedef struct {
    The position within a step is the integral of what the forces do, not of the line of the velocity. */
 typedef struct {
     int64_t output, line; /* a line to its part, to which errors are attributed */
+    int64_t unit;         /* of those in the loop; 0: that of the force of a contact */
 } StateOutput;
 
 typedef struct {

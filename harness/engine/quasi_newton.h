@@ -9,7 +9,8 @@
 
 #include <float.h>
 
-#define NOISY 10.0 /* largest residual of a solution, over the tolerance, if no iteration reaches the tolerance */
+#define PATIENT 20   /* evaluations after which a part of a step is solved to the tolerance of the whole one only */
+#define NOISY   10.0 /* largest residual of a solution, over the tolerance, if no iteration reaches the tolerance */
 
 /* inverse += (s - inverse y) s' inverse / (s' inverse y), Broyden 1965, for the step s that changed r by y. */
 static void update_inverse(double *inverse, int64_t n, const double *s, const double *y, double *by)
@@ -94,10 +95,13 @@ static int differentiate(Engine *e, Newton *newton, const Group *g, const Span *
 typedef struct {
     double w[2], width; /* w with r <= 0, w with r > 0; width three evaluations ago */
     bool known[2];
-    double w0, r0; /* previous evaluation */
-    double limit;  /* limit of |w| without a bracket */
-    double r[2];   /* at its ends */
-    double wide;   /* largest of them when it was WIDE times as wide as at a jump */
+    double w0, r0;           /* previous evaluation */
+    double limit;            /* limit of |w| without a bracket */
+    double r[2];             /* at its ends */
+    double wide;             /* largest of them when it was WIDE times as wide as at a jump */
+    double outer_w, outer_r; /* the end that was replaced last */
+    int outer;               /* its side; -1: none */
+    bool steep;              /* r does not jump */
 } Bracket;
 
 #define WIDE 1e6
@@ -109,12 +113,18 @@ static void note(Bracket *b, double w, double r)
     if (!isfinite(r)) /* beyond what a part accepts */
         return;
     const int side = r > 0.0;
+    if (b->known[side]) {
+        b->outer = side;
+        b->outer_w = b->w[side];
+        b->outer_r = b->r[side];
+    }
     b->w[side] = w;
     b->r[side] = fabs(r);
     b->known[side] = true;
 }
 
-/* Return whether the bracket is as narrow as at a jump. */
+/* Return whether the bracket is as narrow as at a jump, and r has another slope outside of it: the force of a stiff
+   contact under a light mass is as steep within as outside. */
 static bool narrows(Bracket *b, double width)
 {
     const double now = fabs(b->w[1] - b->w[0]);
@@ -122,7 +132,12 @@ static bool narrows(Bracket *b, double width)
         return false;
     if (b->wide == 0.0 && now <= WIDE * width)
         b->wide = fmax(b->r[0], b->r[1]);
-    return now <= width;
+    if (now > width || b->steep || b->outer < 0)
+        return false;
+    const double outside = (b->outer_r - b->r[b->outer]) * now, /* negative beside a pole */
+        within = (b->r[0] + b->r[1]) * fabs(b->outer_w - b->w[b->outer]);
+    b->steep = outside > 0.5 * within && within > 0.5 * outside;
+    return !b->steep;
 }
 
 /* Return the next iterate after w: the candidate; a longer step if r decreases too slowly to find a bracket; or the
@@ -154,15 +169,15 @@ static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, co
     double *const w = newton->w + g->unknown, *const r = newton->r + g->unknown;
     double *const inverse = newton->inverse + number * most * most;
     double *const w0 = newton->work, *const r0 = w0 + most, *const step = r0 + most, *const change = step + most;
-    Bracket bracket = {{0.0, 0.0}, INFINITY, {false, false}, 0.0, 0.0, 0.0, {0.0, 0.0}, 0.0};
+    Bracket bracket = {{0.0, 0.0}, INFINITY, {false, false}, 0.0, 0.0, 0.0, {0.0, 0.0}, 0.0, 0.0, 0.0, -1, false};
     double norm = 0.0;
-    const double inverse_before = inverse[0];
+    const double inverse_before = inverse[0], fine = newton->tolerance * share_of_tolerance(s);
 
     newton->jumped = false;
     for (int64_t j = 0; j < n; j++) /* warm start */
         w[j] = newton->w_last[g->unknown + j] + newton->trend[g->unknown + j] * s->h;
     int status = evaluate(e, newton, g, s, again, &norm);
-    for (int64_t tries = 1; status == SOLVED && norm > newton->tolerance; tries++) {
+    for (int64_t tries = 1; status == SOLVED && norm > (tries <= PATIENT ? fine : newton->tolerance); tries++) {
         if (tries > (n == 1 ? MOST_BISECTIONS : MOST_EVALUATIONS)) {
             if (norm <= NOISY * newton->tolerance)
                 break; /* the outputs of a part with an error control of its own are not smoother */
@@ -188,7 +203,7 @@ static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, co
             if (tries == 1)
                 bracket.limit = 1e3 * fmax(newton->scale[g->unknown], fmax(fabs(w0[0]), fabs(w0[0] + r0[0])));
             note(&bracket, w0[0], r0[0]);
-            if (narrows(&bracket, newton->tolerance * fmax(newton->scale[g->unknown], fabs(w0[0])))) {
+            if (narrows(&bracket, fine * fmax(newton->scale[g->unknown], fabs(w0[0])))) {
                 if (fmax(bracket.r[0], bracket.r[1]) > POLE * bracket.wide) {
                     newton->worst_residual = norm;
                     return NOT_CONVERGED;
@@ -199,6 +214,8 @@ static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, co
                 break;
             }
             step[0] = inside(&bracket, w0[0], r0[0], w0[0] + step[0], tries) - w0[0];
+            if (bracket.steep && (w0[0] + step[0] == bracket.w[0] || w0[0] + step[0] == bracket.w[1]))
+                break; /* no number is between its ends */
         }
         for (double part = 1.0;; part *= 0.5) {
             for (int64_t j = 0; j < n; j++)

@@ -285,23 +285,49 @@ static bool is_held(const Newton *newton, const Group *g, int64_t output)
 static double noise_of(const Newton *newton, const Group *g, int64_t output)
 {
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
-        if (output >= c->of_mass && output < c->of_next)
+        if ((output >= c->of_mass && output < c->of_next) || output == c->position)
             return newton->kept_lines[c->line].noise;
     return 0.0;
 }
 
-/* Measure how much the values at the end of a solved span change if the unknowns do by the tolerance of the loop. */
+/* Return the value at the end of a span that a line has, or, at rest, should have: 0 but for errors of the forces. */
+static double ended(const Engine *e, const Moving *m, int64_t line)
+{
+    return is_rest(m) ? arriving(e, e->lines[line].input) : m->u1;
+}
+
+/* Measure how much the values at the end of a solved span change if the unknowns do by the tolerance of the loop, which
+   for a contact is that of the largest force. */
 static int measure_noise(Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s)
 {
+    const double strength = strength_of(newton, g);
     double norm = 0.0;
+    for (int64_t i = g->first; i < g->first + g->count; i++)
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
+            newton->kept_lines[k].noise = ended(e, &newton->moving[k], k);
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
         newton->w[j] += newton->tolerance * fmax(newton->scale[j], fabs(newton->w[j]));
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        newton->w[c->unknown] +=
+            newton->tolerance * (strength - fmax(newton->scale[c->unknown], fabs(newton->w[c->unknown])));
     const int status = evaluate(e, newton, g, s, true, &norm);
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
-            newton->kept_lines[k].noise = fabs(newton->moving[k].u1 - newton->kept_lines[k].u1) / s->h;
+            newton->kept_lines[k].noise = fabs(ended(e, &newton->moving[k], k) - newton->kept_lines[k].noise) / s->h;
     keep(e, newton, g, number, true);
     return status;
+}
+
+/* Return the largest magnitude of the states with the same unit as that of a mass which is held. */
+static double largest_beside(const Newton *newton, const Group *g, int64_t state)
+{
+    double most = 0.0;
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        for (int64_t i = g->state;
+             c->position == newton->states[state].output && is_rest(velocity_of(newton, c)) && i < g->state + g->states;
+             i++)
+            most = newton->states[i].unit == newton->states[state].unit ? fmax(most, newton->state_sizes[i]) : most;
+    return most;
 }
 
 /* Return the largest difference between a span and its halves over the tolerated one. If the solution lies at a jump,
@@ -344,7 +370,8 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
         if (is_held(newton, g, newton->states[i].output))
             continue;
         const double kept = newton->kept_states[i], value = e->signals[newton->states[i].output];
-        const double size = fmax(newton->state_sizes[i], fmax(fabs(kept), fabs(value)));
+        const double least = newton->states[i].unit == 0 ? EQUAL * strength : NEGLIGIBLE * largest_beside(newton, g, i);
+        const double size = fmax(fmax(newton->state_sizes[i], least), fmax(fabs(kept), fabs(value)));
         const double tolerated = tolerance * (early ? AT_START : DISTANCE_FACTOR);
         const double noise = noise_of(newton, g, newton->states[i].output) * s->h * s->h;
         const double off = fabs(kept - value) <= noise ? 0.0 : fabs(kept - value) / (tolerated * size);

@@ -28,6 +28,7 @@ from harness.system.experiment import LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
 from harness.system.graph import state_outputs
 from harness.system.plan import MovingWire, Plan, Schedule
 from harness.system.wire import split_name
+from harness.units import BaseUnit
 
 _LOG = logging.getLogger("harness")
 
@@ -121,7 +122,7 @@ class Loops(Algorithm):
         forces = {contact[1] for contact in contacts.values() if contact[2]}
         self.contacts: list[tuple[int, ...]] = []
         self.loads: list[int] = []
-        self.states: list[tuple[int, int]] = []
+        self.states: list[tuple[int, int, int]] = []
         driving = {wire.output for wire in inner}
         compared = set(state_outputs({part.name: part for part in plan.parts}))
         for number, group in enumerate(groups):
@@ -144,8 +145,13 @@ class Loops(Algorithm):
                     position = position if plan.names[position] in compared else -1  # it may be recorded only
                     self.contacts.append((*reads, *(own if single else (0, 0)), position))
                     self.loads += loads
+            units = dict.fromkeys(self._force_units(plan, unknowns, group), 0)
             states = [
-                (signal, next(i for i, wire in enumerate(wires) if wire in inner and wire.target == part))
+                (
+                    signal,
+                    next(i for i, wire in enumerate(wires) if wire in inner and wire.target == part),
+                    units.setdefault(unit_of(plan.ports[plan.names[signal]]), 1 + len(units)),
+                )
                 for part in group
                 if mine
                 for signal in range(*plan.outputs[part])
@@ -234,11 +240,13 @@ class Loops(Algorithm):
         found = []
         for wire, unknown, carries in zip(self.wires, self.numbers, self._carried(), strict=True):
             mine = self.groups[next(i for i, parts in enumerate(self.groups) if wire.target in parts)]
-            forces = {unit_of(ports[names[self.unknowns[row[2]]]]) for row in self.contacts if row[0] in mine}
-            found.append(
-                (int(wire in self.inner), unknown, int(unit_of(ports[names[wire.output]]) in forces - {None}), carries)
-            )
+            is_force = unit_of(ports[names[wire.output]]) in self._force_units(self.plan, self.unknowns, mine)
+            found.append((int(wire in self.inner), unknown, int(is_force), carries))
         return found
+
+    def _force_units(self, plan: Plan, unknowns: Sequence[int], group: Sequence[int]) -> set[BaseUnit | None]:
+        """Return the units of the forces of the contacts in a loop."""
+        return {unit_of(plan.ports[plan.names[unknowns[row[2]]]]) for row in self.contacts if row[0] in group} - {None}
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:
         """Return the values kept from step to step for a checkpoint, as views of the data."""

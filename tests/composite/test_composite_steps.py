@@ -48,6 +48,25 @@ def test_points_between_grid_points_do_not_move_the_grid(smooth: tuple[System, L
     assert (error <= 1e-9 * np.abs(expected).max(axis=0)).all()
 
 
+@pytest.mark.parametrize("master", ["newton", "adaptive", "composite"])
+def test_a_light_mass_creeps_on_a_stiff_contact(tmp_path: Path, master: str) -> None:
+    """The contact stays far below its limit, so that it and the spring stretch in proportion: v = k V/(k + sigma0). A
+    relative error of 1e-9 in the force would be most of the velocity."""
+    m, k, V, sigma0, sigma1, step, stop = 1.3e-5, 1.36, 0.035, 2e5, 0.15, 1e-2, 1.7
+    start = {"mass.m": m, "mass.k": k, "mass.v_support": V, "mass.F_drive": 0.0, "friction.sigma0": sigma0}
+    start |= {"friction.sigma1": sigma1, "friction.sigma2": 0.0, "friction.Fc": 1e3, "friction.Fs": 1e3}
+    parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("LuGre"))]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction"]
+    with System(parts, wires, start, Experiment(stop=stop, step=step)) as system:
+        if master == "composite":
+            system.to_fmu(tmp_path / "light.fmu", name="light")
+            v = trajectory(load(tmp_path / "light.fmu"), 0.0031 * np.arange(round(stop / 0.0031)))[:, 1]
+        else:
+            v = system.run(master=master, record=["mass.v"])["mass.v"].to_numpy()
+    # 20 steps after the start, which is a jump of the speed of the support
+    np.testing.assert_allclose(v[70 if master == "composite" else 20 :], k * V / (k + sigma0), rtol=2e-3)
+
+
 @nightly
 def test_points_between_grid_points_change_no_value_at_them(tmp_path: Path) -> None:
     """A light mass, whose loop amplifies the errors of unequal steps: the grid alone decides, bit for bit; between its
@@ -352,6 +371,18 @@ def test_outputs_follow_parameters_without_a_step(library: Library) -> None:
         a = run.get1("mass.a")
         run.set({"mass.m": 2.0})
         assert run.get1("mass.a") == pytest.approx(0.5 * a, rel=1e-8)
+
+
+def test_errors_that_remain_are_told_at_the_end_of_the_run(compose: Callable[[str], Path]) -> None:
+    """A mass of 1 mg on 1e6 N/m swings 159 times in an inner step of 1 ms, which 512 pieces of it do not resolve."""
+    with Instance(load(compose("stick_slip"))) as run:
+        run.initialise(**{"mass.m": 1e-6, "mass.k": 1e6, "mass.v0": 1.0})
+        run.step(0.0, 1e-3)
+        run.must("Terminate")
+        ((_, status, category, message),) = run.messages
+        assert (status, category) == (WARNING, "logStatusWarning")
+        assert b"changes too fast for the step of 0.001 s" in message
+        assert b"the result is wrong" in message
 
 
 def test_a_law_inside_reports_a_fault(compose: Callable[[str], Path]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Mapping
 from ctypes import c_double
 from pathlib import Path
@@ -54,6 +55,33 @@ def test_states_that_an_event_changes_are_marked(
     run.model_exchange(["time"])
     assert run.jumps == 1
     assert run.reinitialised == [state]
+
+
+@pytest.mark.parametrize("s", [1.0, -1.0])
+def test_a_mass_that_is_pushed_through_its_band_has_an_event_at_the_end(
+    s: float, build_fmu: Callable[..., Path]
+) -> None:
+    """Inside the band of 1 mm/s, the mass of Karnopp is shown at rest."""
+    with Instance(load(build_fmu("KarnoppMass")), kind=MODEL_EXCHANGE) as run:
+        run.exchange(F_ext=s * 2.0)
+        signs = []
+        for w in (0.0, 0.999e-3, 1.001e-3):
+            run.must("SetContinuousStates", (c_double * 2)(0.0, s * w), 2)
+            signs.append(run.vector("GetEventIndicators", 2)[0] > 0.0)
+        assert signs[0] == signs[1] != signs[2]
+        run.must("EnterEventMode")
+        run.event()
+        assert run.get1("v") == s * 1.001e-3
+
+
+def test_elements_that_are_not_in_use_never_slip(build_fmu: Callable[..., Path]) -> None:
+    """GMS remembers ten directions, in the last 80 bytes of a state."""
+    with Instance(load(build_fmu("GMS")), kind=MODEL_EXCHANGE) as run:
+        run.exchange(v=1e-3, N=4)
+        run.must("SetContinuousStates", (c_double * 10)(*[1.0] * 10), 10)
+        run.must("EnterEventMode")
+        run.event()
+        assert struct.unpack("10d", run.serialised()[-80:]) == (1.0,) * 4 + (0.0,) * 6
 
 
 HELD = {name: case for name, case in CASES.items() if "v" in case.inputs}

@@ -11,6 +11,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 from drive_axis import COULOMB, rigid, rms, study_folder
+from thorough import landing
 
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.cli.main import main
@@ -150,6 +151,7 @@ def study(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return study_folder(tmp_path_factory.mktemp("study"), request.param)[0], request.param
 
 
+@landing
 def test_all_sheets_of_a_study(study: tuple[Path, bool], tmp_path: Path) -> None:
     """Each reduces the error of the servo, or says that it does not; the numbers are those of a run."""
     folder, rotary = study

@@ -64,7 +64,7 @@ VARIABLES = MappingProxyType(
             ("above", 0, _OUTPUT + ' variability="discrete"', "<Boolean/>"),
         ],
         **{kind: [*_CLOCK, ("events", 0, *_COUNT)] for kind in ("ASKS", "ENDS", "STOPS", "UNSETTLED", "CHATTERS")},
-        **{kind: [*_CLOCK] for kind in ("TWOFACED", "DUE")},
+        **{kind: [*_CLOCK] for kind in ("TWOFACED", "DUE", "NEARS")},
         "ROOM": [
             *_states("T"),
             ("heat", 0, _INPUT + ' variability="discrete"', '<Boolean start="false"/>'),

@@ -290,6 +290,12 @@ def test_failing_derivatives_name_part_time_and_reason(
     assert capfd.readouterr().err == ""  # the solver prints nothing
 
 
+def test_the_solver_tries_shorter_steps_where_there_is_no_derivative(exchange: MakeFmu) -> None:
+    """x grows by 10/s up to 0.9 and nears 1 from there, but steps of the solver grow until one passes 1.2."""
+    result = alone(exchange("NEARS"), stop=2.0, step=1.0)
+    np.testing.assert_allclose(result["p.x"], [0.0, 1.0, 1.0], atol=1e-5)
+
+
 def test_wrong_number_of_states(exchange: MakeFmu) -> None:
     with pytest.raises(PartError, match=r"fmi2GetContinuousStates at t = 0 s: .*another number of values"):
         alone(exchange("OSCILLATOR", derivatives=1), F=0.0)

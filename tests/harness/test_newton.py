@@ -143,6 +143,30 @@ def test_a_line_within_a_loop_begins_after_the_jump_of_a_held_input() -> None:
     np.testing.assert_allclose(result["meter.q"], exact, atol=1e-12)
 
 
+def test_a_tenth_of_the_tolerance_takes_root_ten_times_the_pieces() -> None:
+    """Of steps that are too long for x = cos(t): the method is of second order in divided steps, too."""
+    plant = CallablePart(
+        "mass",
+        lambda t, u, x: x,
+        ["F"],
+        ["x", "v"],
+        advance=lambda t, h, u, x: [x[0] + h * x[1] - 0.5 * h * h * u[0], x[1] - h * u[0]],
+        state=[1.0, 0.0],
+        dependencies={"x": (), "v": ()},
+    )
+    spring = CallablePart(
+        "spring", lambda t, u, x: x + 0.0 * u, ["v"], ["F"], advance=lambda t, h, u, x: x + h * u[0], state=[1.0]
+    )
+    system = System([plant, spring], ["spring.F -> mass.F", "mass.v -> spring.v"])
+    pieces, errors = [], []
+    for tolerance in (1e-2, 1e-3):
+        result = system.run(stop=20.0, step=0.5, master="newton", step_tolerance=tolerance)
+        pieces.append(result.attrs["substeps"])
+        errors.append(float(np.abs(result["mass.x"] - np.cos(result["time"])).max()))
+    assert pieces[1] < 2.0 * math.sqrt(10.0) * pieces[0]
+    assert errors[1] < 0.3 * errors[0]
+
+
 def test_at_rest_no_step_is_divided() -> None:
     """All values stay 0, so that differences have no size."""
     result = System([mass(v0=0.0), bristle()], WIRES).run(stop=0.1, step=1e-3, master="newton")
@@ -223,7 +247,7 @@ def test_a_part_with_noisy_outputs_is_solved_to_ten_times_the_tolerance() -> Non
     [
         pytest.param(lambda w, c: c - 1.0 + math.sqrt(1.0 - w) if w <= 1.0 else math.nan, 0.1, id="edge of the domain"),
         pytest.param(lambda w, c: w - 0.7 + 1.0 / (w - 0.7) if c > 0.0 else -w, 1.0, id="pole"),
-        pytest.param(lambda w, c: 1.0 / (0.7 - w) if c > 0.0 else -w, 1e3, id="simple pole"),
+        pytest.param(lambda w, c: 1.0 / (0.7 - w or math.nan) if c > 0.0 else -w, 1e3, id="simple pole"),
         pytest.param(lambda w, c: 1.0 / (w - 0.7) if c > 0.0 else -w, 0.0, id="decay away from a pole"),
         pytest.param(lambda w, c: math.exp(-abs(w)) if c > 0.0 else -w, 0.0, id="decay"),
     ],
@@ -275,6 +299,72 @@ def test_a_contact_without_known_load_holds_within_its_jump() -> None:
     t, speed = result["time"].to_numpy(), result["mass.v"].to_numpy()
     assert (speed[t < 0.1995] == 0.0).all()
     np.testing.assert_allclose(speed, 5.0 * np.maximum(t - 0.2, 0.0) ** 2, atol=1e-4)
+
+
+def test_a_break_away_takes_as_many_steps_in_all_units() -> None:
+    """The same with a hundredth of the mass and of all forces, and steps of 25 ms: v is exact."""
+    substeps = []
+    for scale in (1.0, 0.01):
+        v, F = Port("v", "m/s"), Port("F", "N")
+        friction = CallablePart("friction", lambda t, u, x, Fc=2.0 * scale: Fc * np.sign(u[0]), [v], [F])
+        plant = CallablePart(
+            "mass",
+            lambda t, u, x: x,
+            [F, Port("drive", "N")],
+            [v],
+            advance=lambda t, h, u, x, m=scale: [x[0] + h * (u[1] - u[0]) / m],
+            state=[0.0],
+            dependencies={"v": ()},
+        )
+        drive = SeriesPart("drive", [0.0, 1.0], {"F": [0.0, 10.0 * scale]})
+        wires = ["friction.F -> mass.F", "mass.v -> friction.v", "drive.F -> mass.drive"]
+        result = System([plant, friction, drive], wires).run(stop=0.4, step=0.025, master="newton")
+        np.testing.assert_allclose(result["mass.v"], 5.0 * np.maximum(result["time"] - 0.2, 0.0) ** 2, atol=1e-8)
+        substeps.append(result.attrs["substeps"])
+    assert substeps[0] == substeps[1]
+
+
+def test_parts_of_a_loop_take_each_step_once() -> None:
+    """Friction of 2 N holds a mass whose load jumps before each step; the force after a jump is sought by a trial."""
+    v, F = Port("v", "m/s"), Port("F", "N")
+    load = np.array([0.5, -0.9, 1.5, 1.2, 0.0, 0.8, -1.5, -0.3, 0.2, 0.1])
+    friction = CallablePart("friction", lambda t, u, x: 2.0 * np.sign(u[0]), [v], [F])
+    plant = CallablePart(
+        "mass",
+        lambda t, u, x: x,
+        [F, Port("drive", "N")],
+        [v, "steps"],
+        advance=lambda t, h, u, x: [x[0] + h * (u[1] - u[0]), x[1] + 1.0],
+        state=[0.0, 0.0],
+        dependencies={"v": (), "steps": ()},
+    )
+    drive = SeriesPart(
+        "drive", 0.01 * np.arange(10.0), {"F": load}, {"F": "N"}, interpolation="previous", beyond="hold"
+    )
+    wires = ["friction.F -> mass.F", "mass.v -> friction.v", "drive.F -> mass.drive"]
+    result = System([plant, friction, drive], wires).run(stop=0.1, step=0.01, master="newton")
+    np.testing.assert_array_equal(result["mass.steps"], np.arange(11.0))
+    np.testing.assert_array_equal(result["mass.v"], 0.0)
+    np.testing.assert_allclose(result["friction.F"][1:], load, atol=1e-5)
+
+
+def test_a_checked_step_ends_with_the_holding_force() -> None:
+    """Friction of 2 N, not recognised as a contact, holds a load of 0.5 N: the start of the force, 0, rings away."""
+    friction = CallablePart("friction", lambda t, u, x: 2.0 * np.sign(u[0]), ["v"], ["F"])
+    plant = CallablePart(
+        "mass",
+        lambda t, u, x: x,
+        ["F"],
+        ["v"],
+        advance=lambda t, h, u, x: [x[0] + h * (0.5 - u[0])],
+        state=[0.0],
+        dependencies={"v": ()},
+    )
+    system = System([plant, friction], ["friction.F -> mass.F", "mass.v -> friction.v"])
+    result = system.run(stop=0.02, step=1e-3, master="newton")
+    assert result.attrs["checks"] > 3
+    k = np.arange(21)
+    assert (np.abs(result["friction.F"] - 0.5) <= 0.5 * (1 + k) * 0.5**k + 1e-6).all()
 
 
 def test_growth_beyond_the_squares_of_numbers_is_declared_wrong() -> None:

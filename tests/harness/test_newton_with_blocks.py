@@ -126,6 +126,32 @@ def test_a_mass_stops_whatever_its_normal_force(build_fmu: BuildFmu, master: str
     assert float(result["mass.x"][-1]) == pytest.approx(0.02 / (Fc * Fn), rel=1e-9)
 
 
+def test_a_mass_stops_early_in_a_step(build_fmu: BuildFmu) -> None:
+    """After 0.1 ms of 50 ms, x = m v0^2/(2 (Fc + 24 N)); Fs holds it under all later loads, but Fc would not."""
+    m, v0, Fc = 0.07, 0.05, 8.0
+    drive = SeriesPart("drive", [0.0, 0.1], {"F": [-24.0, 18.0]}, {"F": "N"})
+    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu("Stribeck")), drive]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
+    start = {"mass.m": m, "mass.k": 0.0, "mass.v0": v0, "friction.Fc": Fc, "friction.Fs": 80.0}
+    start |= {"friction.vs": 1e-5, "friction.Fv": 0.0}
+    with System(parts, [*wires, "drive.F -> mass.F_drive"], start) as system:
+        result = system.run(stop=0.1, step=0.05, master="newton")
+    np.testing.assert_allclose(result["mass.x"][1:], 0.5 * m * v0**2 / (Fc + 24.0), rtol=0.01)
+    assert (result["mass.v"][1:] == 0.0).all()
+
+
+def test_a_mass_may_start_anywhere(build_fmu: BuildFmu) -> None:
+    """1 kg at 4 m slows down as at 0, without a warning."""
+    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu("Coulomb"))]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
+    for x0 in (0.0, 4.0):
+        with System(parts, wires, {"mass.F_drive": 0.0, "mass.v0": 0.2, "mass.m": 1.0, "mass.x0": x0}) as system:
+            result = system.run(stop=0.1, step=0.01, master="newton")
+        np.testing.assert_allclose(result["mass.v"], 0.2 - result["time"], atol=1e-12)
+        assert result.attrs["substeps"] == 10
+        assert result.attrs["unresolved_error"] < 1e-3
+
+
 @pytest.mark.parametrize("master", ["newton", "gauss-seidel"])
 def test_what_follows_a_line_has_its_end_value(master: str, build_fmu: BuildFmu) -> None:
     """Begin + slope h differs from the end by rounding: most often where the value halves in a step."""
@@ -186,3 +212,16 @@ def test_a_mass_turns_back_as_in_closed_form(build_fmu: BuildFmu, turn: float) -
     lasts = math.acos((P - W) / (P + W)) / rate
     turns = 35 * h + v[35] * m / (P + W)
     assert v[70] == pytest.approx(-sliding - (P - W) / m * (70 * h - turns - lasts), abs=0.01 * W / m * 3 * h)
+
+
+def test_a_ringing_within_the_step_decays(build_fmu: BuildFmu) -> None:
+    """m x'' + sigma1 x' + (k + sigma0) x = k V t, as the contact stays far below its limit: x rings 30 times in a step
+    and decays by exp(-sigma1 t/(2 m)). The errors of the hundreds of loops in a step must not keep it ringing."""
+    m, k, V, sigma0, sigma1 = 8.7e-5, 16e3, 8e-6, 15e3, 5e-4
+    start = {"mass.m": m, "mass.k": k, "mass.v_support": V, "mass.F_drive": 0.0, "friction.sigma0": sigma0}
+    start |= {"friction.sigma1": sigma1, "friction.sigma2": 0.0, "friction.Fc": 1e3, "friction.Fs": 1e3}
+    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu("LuGre"))]
+    with System(parts, ["mass.v -> friction.v", "friction.F -> mass.F_friction"], start) as system:
+        v = system.run(stop=2.0, step=1e-2, master="newton", record=["mass.v"])["mass.v"].to_numpy()
+    steady = k * V / (k + sigma0)
+    np.testing.assert_allclose(v[170:], steady, atol=(math.exp(-0.5 * sigma1 / m * 1.7) + 1e-2) * steady)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from arms import drawn, moved, temperature
-from thorough import nightly
+from thorough import landing, nightly
 
 from friction_fmus.errors import FitError, RecordError
 from friction_fmus.identification import LINEAR, ROTARY, Record, identify, read_measurement
@@ -53,6 +53,7 @@ def test_an_arm_without_terms_has_none() -> None:
     assert not {"G_sin", "a", "direction", "drift"} & found.values().keys()
 
 
+@landing
 def test_gravity_of_short_strokes_is_found() -> None:
     """Strokes of 0.14 rad about 1 rad: gravity is needed, although no part of it differs clearly from an offset."""
     t = 1e-3 * np.arange(12000)
@@ -70,6 +71,7 @@ def test_gravity_of_short_strokes_is_found() -> None:
     assert values["M"] == pytest.approx(0.09, rel=0.02)
 
 
+@landing
 def test_known_gravity_gives_the_gain_of_the_drive(record: Record) -> None:
     """The drive force in percent of 0.02 N.m: friction, mass and gain follow from the torque of gravity."""
     given = identify(
@@ -84,6 +86,7 @@ def test_known_gravity_gives_the_gain_of_the_drive(record: Record) -> None:
     assert given["a"] == pytest.approx(ARM.a, rel=0.1)
 
 
+@landing
 def test_a_known_load_replaces_gravity_and_its_sign_is_checked(record: Record) -> None:
     load = -(ARM.G_sin * np.sin(record.column("q")) + ARM.G_cos * np.cos(record.column("q")))
     found = identify("Stribeck", replace(record, load=load), terms=("load",)).values()
@@ -141,6 +144,7 @@ def test_auto_chooses_from_given_terms(record: Record) -> None:
     assert "a" not in found
 
 
+@landing
 def test_a_friction_that_falls_with_the_temperature_is_found() -> None:
     """Not as a drift, as the gear cools down again."""
     arm = replace(drawn(0), warming=-0.02)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from contacts import Array, noise
-from thorough import nightly
+from thorough import landing, nightly
 
 from friction_fmus.data import load_emps
 from friction_fmus.identification import LINEAR, ROTARY, AxisUnits, Record, identify
@@ -46,6 +46,7 @@ def record() -> Record:
     return axis()
 
 
+@landing
 def test_the_map_is_found_beside_the_parameters(record: Record) -> None:
     train, validation = record.window(0.0, 14.0), record.window(14.0, 24.0)
     result = identify("Stiction", train, validation=validation, position_map=True)
@@ -103,6 +104,7 @@ def test_an_axis_without_such_forces_gets_no_map() -> None:
     assert result.values() == plain.values()
 
 
+@landing
 def test_a_small_force_over_position_must_help_by_a_third() -> None:
     """3 % of the map changes the error by less than `HELPS`."""
     assert identify("Stiction", axis(size=0.03), position_map=True).position is None

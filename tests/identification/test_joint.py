@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from thorough import nightly
+from thorough import landing, nightly
 
 from friction_fmus.errors import FitError, RecordError
 from friction_fmus.identification import LINEAR, ROTARY, Joint, JointRecord, Record, identify_joint
@@ -50,6 +50,7 @@ def records() -> list[JointRecord]:
     return [swung(1.0, 0.7), swung(2.0, 1.1)]
 
 
+@landing
 def test_motor_and_friction_under_load_are_found(records: list[JointRecord]) -> None:
     simple = identify_joint(records, JOINT)
     found = identify_joint(records, JOINT, load="M3", start=simple.values())

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flexible_axis import Axis, moves, reference, simulate
-from thorough import THOROUGH, nightly, some
+from thorough import THOROUGH, landing, nightly, some
 
 from friction_fmus.data import load_emps
 from friction_fmus.identification import ROTARY, Record, plant_candidates
@@ -65,6 +65,7 @@ def test_a_constant_force_above_friction():
     assert constant == pytest.approx(-40.0, rel=0.02)
 
 
+@landing
 @pytest.mark.parametrize("path", some([moves, reference], [moves]))
 def test_drift_of_friction(path):
     name, (begin, end, *_) = named(simulate(Axis(drift=-0.3), path(T)))
@@ -72,6 +73,7 @@ def test_drift_of_friction(path):
     assert (begin, end) == pytest.approx((18.0, 12.6), rel=0.1)
 
 
+@landing
 def test_drift_of_a_constant_force():
     axis = Axis(offset_drift=-6.0)
     record = simulate(axis, reference(T))
@@ -146,6 +148,7 @@ def test_records_without_force_are_left_alone():
     assert plant_findings([Record("axis", t[:60], q=np.sin(t[:60]), force=np.cos(t[:60]))]) == ((), None)
 
 
+@landing
 @pytest.mark.parametrize("begin", some([0.0, 8.0], [8.0]))
 def test_friction_that_varies_is_found_beside_a_rest(begin):
     """Coulomb friction of 18 +- 9 N, alternately for 2.5 s, with a rest of 4 s."""
@@ -157,6 +160,7 @@ def test_friction_that_varies_is_found_beside_a_rest(begin):
     assert sizes == pytest.approx((9.0, 27.0), rel=0.02)
 
 
+@landing
 def test_a_second_mass_in_a_part_of_a_long_record_holds_for_all_of_it(monkeypatch):
     monkeypatch.setattr(plant_candidates, "LONG", 6000)
     name, numbers = named(simulate(TWO, moves(T)))  # without the second mass, a force over position would be found

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from thorough import landing
 
 from friction_fmus.blocks.axis_units import units_of_channels
 from friction_fmus.identification import Identification, Record, identify
@@ -159,6 +160,7 @@ def test_a_slow_motion_is_no_standstill() -> None:
     assert not standstill(record)[200:-200].any()
 
 
+@landing
 def test_models_with_and_without_presliding_are_fitted_one_after_the_other() -> None:
     """The rows of the force over position are cached: only a model without presliding leaves out the rests."""
     record = resting(0.0)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from thorough import landing
 
 from friction_fmus.axis.servo import AxisPlant, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop
@@ -51,6 +52,7 @@ def test_both_coefficients_are_found(truth: dict[str, float]) -> None:
         assert found[name] == pytest.approx(value, rel=0.05, abs=0.005), name
 
 
+@landing
 def test_the_drive_force_does_not_predict_itself() -> None:
     """Slow motion with a friction of 15 N: with mu_avg + mu_dif = 1, the measured force would be its own prediction."""
     t = TS * np.arange(12000)

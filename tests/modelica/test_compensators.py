@@ -17,7 +17,7 @@ import rumoca
 from fmpy import read_model_description
 from modelica.library import SHORT_STEPS, Library
 from shell.instance import Instance, RefusedError, load
-from thorough import nightly
+from thorough import landing, nightly
 
 from friction_fmus import build
 from friction_fmus.blocks.catalogue import catalogue, laws_folder, source_folder
@@ -164,6 +164,7 @@ class Object:
         self._free(self.memory)
 
 
+@landing
 @pytest.mark.parametrize("name", LAWS)
 def test_outputs_have_the_bits_of_the_fmu(
     name: str, blocks: dict[str, str], compiled: ctypes.CDLL, build_fmu: Callable[..., Path]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import struct
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shell.instance import DISCARD, OK, Instance, Library, load
+from shell.instance import DISCARD, ERROR, OK, Instance, Library, forged, load
 from thorough import few
 
 reproducibly = settings(max_examples=few(60), deadline=20_000, derandomize=True, database=None)
@@ -88,6 +89,7 @@ def test_bristles_are_springs_up_to_their_first_break(bristle: Library) -> None:
             x = 1e-6 * (k + 1)
             expected = [N * SIGMA0 * x, x, 0.5 * N * SIGMA0 * x * x, 0.0]
             assert run.get("F", "z", "E", "rebonds") == pytest.approx(expected, rel=1e-12)
+            assert run.get1("der(z)") == 1e-3
         run.step(0.011, 1e-3 * (1.0 - 1e-9))
         assert run.get1("F") == pytest.approx(N * SIGMA0 * DELTA_S, rel=1e-8)
         run.step(0.011 + 1e-3 * (1.0 - 1e-9), 1e-6)
@@ -316,3 +318,16 @@ def test_friction_at_rest_stays(bristle: Library) -> None:
         before = run.get("F", "z", "E")
         run.step(0.1, 1e6)
         assert run.get("F", "z", "E") == before
+
+
+def test_bristles_that_no_run_can_have_are_refused(bristle: Library) -> None:
+    """Of the 20 in use; the deflections of 1000 are in the last 16000 bytes of a state."""
+    with Instance(bristle) as run:
+        run.initialise(v=1e-3)
+        run.step(0.0, 1e-3)
+        data, z = run.serialised(), run.get1("z")
+        assert run.try_restore(data) == OK
+        for i, status in ((0, ERROR), (19, ERROR), (20, OK)):
+            bad = forged(data, len(data) - 64 - 16 * (1000 - i), struct.pack("d", math.nan))
+            assert run.try_restore(bad) == status
+        assert run.get1("z") == z

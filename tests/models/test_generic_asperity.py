@@ -517,6 +517,10 @@ def test_more_wavelengths_than_can_be_followed_are_refused(asperities: Library) 
     with Instance(asperities) as run:
         run.initialise(v=1.0)
         assert run.call("DoStep", 0.0, 10.0, 1) == DISCARD
+    with Instance(asperities) as run:  # two million of all asperities, even if they never leave the surface
+        run.initialise(v=1.0, height=1e-3, A=1e-9, dmu=0.0)
+        run.step(0.0, 0.5)
+        assert run.call("DoStep", 0.5, 2.0, 1) == DISCARD
     with Instance(asperities) as run:
         run.initialise(v=1.0, **FLAT)
         run.step(0.0, 1e6)

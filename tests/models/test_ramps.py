@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 from shell.instance import OK, Instance, Library, load
 from thorough import THOROUGH, few, nightly
 
@@ -199,6 +199,22 @@ def test_gms_slips_where_the_force_meets_a_level_that_falls_steeply(
     assert abs(F - expected) < 1e-9
 
 
+@pytest.mark.parametrize("gap", [4e-10, 1e-2])
+def test_gms_sticks_where_the_force_almost_meets_the_rising_level(block: Callable[[str], Library], gap: float) -> None:
+    """While the motion slows down, k path + F(0) is nearest to S before the end."""
+    p = {"Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "delta": 2.0}
+    v, h, k = 5e-3, 2e-3, 1e5
+
+    def room(s: float) -> float:
+        return float(level(v * (1.0 - s / h), p)) - k * v * s * (1.0 - 0.5 * s / h)
+
+    nearest = minimize_scalar(room, bounds=(0.0, h), method="bounded", options={"xatol": 1e-12})
+    assert 0.1 * h < nearest.x < 0.9 * h
+    start = nearest.fun - gap
+    F = ramp(block("GMS"), v, -v / h, h, "Fi[1]", sigma2=0.0, N=1, **{"Fi[1]": start, "k[1]": k}, **p)[0]
+    assert pytest.approx(start + k * 0.5 * v * h, rel=1e-12) == F
+
+
 @pytest.mark.parametrize("delta", [0.7, 1.0, 2.0, 11.0])
 @pytest.mark.parametrize("start", [-0.9, 0.2])
 def test_an_elastic_perfectly_plastic_contact_follows_a_rising_level(
@@ -212,6 +228,34 @@ def test_an_elastic_perfectly_plastic_contact_follows_a_rising_level(
     expected = path[-1] + min(start * 0.4 / sigma0, float(np.min(level(v * (1.0 - s / h), p) / sigma0 - path)))
     z = ramp(block("ElastoPlastic"), v, -v / h, h, "z", z=start * 0.4 / sigma0, z_ba=2e-5, sigma0=sigma0, **p)[0]
     assert abs(z - expected) * sigma0 < 1e-9
+
+
+def test_an_elastic_perfectly_plastic_contact_slips_at_its_level(block: Callable[[str], Library]) -> None:
+    """z_ba > z_max: after a reversal and a long path, dz/dt = 0 although z may be below z_max by a rounding error."""
+    draw = np.random.default_rng(1)
+    for v_before, v, h in draw.uniform((0.01, 0.01, 0.1), (0.05, 0.05, 1.0), (200, 3)).tolist():
+        with Instance(block("ElastoPlastic")) as run:
+            run.initialise(z_ba=2e-5, v=-v_before)
+            run.step(0.0, 0.1)
+            assert run.input_derivatives({"v": (v_before + v) / h}) == OK
+            run.step(0.1, h)
+            assert run.get1("F") == pytest.approx(1.0 + 0.4 * v, abs=1e-9)
+
+
+def test_a_ramp_of_an_elastic_perfectly_plastic_contact_can_be_cut(block: Callable[[str], Library]) -> None:
+    """z_ba > z_max: from above its level, which rises while the motion slows down, z meets it within the step."""
+    draw = np.random.default_rng(1)
+    for v, share, logarithm, start in draw.uniform((5e-4, -1.0, -4.0, 1.0), (3e-3, 0.5, -2.0, 1.5), (50, 4)).tolist():
+        h, ends = 10.0**logarithm, []
+        for cuts in (1, 10):
+            with Instance(block("ElastoPlastic")) as run:
+                run.initialise(z_ba=1e-4, z=start * 1e-5)
+                for k in range(cuts):
+                    run.set({"v": v + (share - 1.0) * v * k / cuts})
+                    assert run.input_derivatives({"v": (share - 1.0) * v / h}) == OK
+                    run.step(run.get1("time"), h / cuts)
+                ends.append(1e5 * run.get1("z"))
+        assert ends[0] == pytest.approx(ends[1], abs=1e-9)
 
 
 def test_modified_leuven_ends_a_step_over_levels_twelve_decades_apart(block: Callable[[str], Library]) -> None:

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
-from shell.instance import OK, WARNING, Instance, Library, load
+from shell.instance import DISCARD, OK, WARNING, Instance, Library, load
 from thorough import few
 
 reproducibly = settings(max_examples=few(80), deadline=20_000, derandomize=True, database=None)
@@ -513,6 +513,21 @@ def test_the_delay_line_is_part_of_the_state(seven: Library) -> None:
                 each.set({"v": float(v[k])})
                 each.step(1e-3 * k, 1e-3)
             assert run.everything() == other.everything()
+
+
+def test_a_refused_step_keeps_the_history_of_a_restored_state(seven: Library) -> None:
+    """The history before a step is kept by what the last step has added, unless another state was restored."""
+    with Instance(seven) as run, Instance(seven) as other:
+        for each, speed in ((run, 1e-3), (other, 2e-3)):
+            each.initialise(Fv=1e3)
+            for k in range(10):
+                each.set({"v": speed + 1e-4 * k})
+                each.step(1e-3 * k, 1e-3)
+        run.restore(other.serialised())
+        run.set({"v": 1e308})
+        assert run.call("DoStep", 1e-2, 1e-3, 1) == DISCARD
+        pieces = 1024 * 24  # bytes at the end of a state
+        assert run.serialised()[-pieces:] == other.serialised()[-pieces:]
 
 
 def test_a_longer_delay_during_the_run_looks_further_back(seven: Library) -> None:

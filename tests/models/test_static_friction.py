@@ -381,6 +381,17 @@ def test_a_held_mass_does_not_creep_and_the_first_break_away_is_late(block: GetL
 
 
 @pytest.mark.parametrize("s", [1.0, -1.0])
+def test_at_the_edge_of_the_band_a_mass_still_slides(block: GetLibrary, s: float) -> None:
+    """v = v0 - t is DV after 0.5 s; all numbers are exact."""
+    with Instance(block("KarnoppMass")) as run:
+        run.initialise(v0=s * (0.5 + 2.0**-10), DV=2.0**-10, Fv=0.0)
+        run.step(0.0, 0.5)
+        assert run.get("v", "F", "stuck") == [s * 2.0**-10, s, 0.0]
+        run.step(0.5, 1e-9)
+        assert run.get("v", "F", "stuck") == [0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize("s", [1.0, -1.0])
 def test_below_the_friction_of_sliding_a_mass_stays_at_the_edge(block: GetLibrary, s: float) -> None:
     """Fs < F_ext < Fc: the band pushes out what sliding slows down; it rests, and slides above Fc + Fv DV."""
     with Instance(block("KarnoppMass")) as run:
@@ -524,6 +535,16 @@ def test_a_force_of_just_the_static_friction_is_held(block: GetLibrary, s: float
         run.set({"F_load": s * 1.001})
         run.step(10.0, 10.0)
         assert s * run.get1("x") > 1e-3
+
+
+@pytest.mark.parametrize("rate", [0.5, 5.0])
+def test_friction_that_grows_from_nothing_holds_a_load_that_grows_more_slowly(block: GetLibrary, rate: float) -> None:
+    with Instance(block("SwitchMass")) as run:
+        run.initialise(v_belt=0.0, v0=0.0, Fn=0.0)
+        assert run.input_derivatives({"Fn": rate, "F_load": 0.9 * rate}) == OK
+        run.step(0.0, 2.0)
+        assert run.get("x", "v", "stuck") == [0.0, 0.0, 1.0]
+        assert run.get1("F") == pytest.approx(1.8 * rate, rel=1e-12)
 
 
 def belt_period(library: Library, h: float, **values: float) -> float:

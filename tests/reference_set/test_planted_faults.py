@@ -6,7 +6,7 @@ import pytest
 from reference_set.built_set import built, is_long, names
 from reference_set.fault_matrix import verdict
 from reference_set.planted_faults import FAULTS
-from thorough import THOROUGH
+from thorough import THOROUGH, landing
 
 from friction_fmus.reference.case import CASES, ReferenceCase, read_cases
 from friction_fmus.reference.tool_runs import PASSED
@@ -17,6 +17,7 @@ FINDERS = {fault: [case.name for case in SET if fault in case.faults] for fault 
 """Fault -> the cases that name it; the nightly test compares both with what is found."""
 
 
+@landing
 @pytest.mark.parametrize("name", SHORT)
 def test_the_right_importer_passes(name: str) -> None:
     found, reason = verdict(built(name))

@@ -13,7 +13,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from thorough import nightly, slowness
+from thorough import landing, nightly, slowness
 
 from friction_fmus.cli.main import main
 from friction_fmus.reference.case import CASES, ReferenceCase, read_case
@@ -73,6 +73,7 @@ def test_a_built_case_has_all_that_a_tool_needs(cases: Path) -> None:
         assert {"SystemStructure.ssd", "values.ssv", "mapping.ssm", "resources/mass.fmu"} <= {*archive.namelist()}
 
 
+@landing
 def test_the_set_runs_in_tools_and_makes_the_tables(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names = ["--case", "input_ramp", "--case", "me_event_iteration", "--case", "saved_state"]
     assert main(["reference", "run", str(cases), "--tool", "fmpy", *names]) == 0

@@ -6,6 +6,7 @@ import ctypes
 import math
 import random
 import struct
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from ctypes import CFUNCTYPE, POINTER, byref, c_char, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
@@ -416,6 +417,17 @@ class Instance:
         """Deserialise and set a state."""
         if (status := self.try_restore(data)) != OK:
             raise RefusedError(f"the state was refused with {status}; log: {self.messages}")
+
+
+def forged(data: bytes, place: int, value: bytes) -> bytes:
+    """Other bytes in the model of a serialised state, with the checksum of them: FNV-1a."""
+    header = 64
+    model = bytearray(data[header:])
+    model[place : place + len(value)] = value
+    checksum = 14695981039346656037
+    for byte in model:
+        checksum = (checksum ^ byte) * 1099511628211 % 2**64
+    return data[: header - 8] + checksum.to_bytes(8, sys.byteorder) + bytes(model)
 
 
 def signals(library: Library, seed: int, count: int) -> list[dict[str, float]]:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import ctypes
 import gc
 import struct
-import sys
 from collections.abc import Callable, Iterator
 from ctypes import byref, c_size_t, c_void_p, create_string_buffer
 from pathlib import Path
 
 import pytest
 from shell.exchanging import SITUATIONS, begin, go_on, go_to
-from shell.instance import ERROR, MODEL_EXCHANGE, OK, Instance, Library, load, signals
+from shell.instance import ERROR, MODEL_EXCHANGE, OK, Instance, Library, forged, load, signals
 from thorough import some
 
 from friction_fmus import catalogue
@@ -73,17 +72,6 @@ def test_a_state_after_an_endless_rest_can_be_read(
         assert run.try_restore(run.serialised()) == OK
 
 
-def forged(data: bytes, place: int, value: bytes) -> bytes:
-    """Other bytes in the model of a serialised state, with the checksum of them: FNV-1a."""
-    header = 64
-    model = bytearray(data[header:])
-    model[place : place + len(value)] = value
-    checksum = 14695981039346656037
-    for byte in model:
-        checksum = (checksum ^ byte) * 1099511628211 % 2**64
-    return data[: header - 8] + checksum.to_bytes(8, sys.byteorder) + bytes(model)
-
-
 def test_values_that_no_run_can_have_are_refused(library: Library, running: Instance) -> None:
     """Also with the checksum of such bytes; a value reference is the place among the doubles."""
     data = running.serialised()
@@ -95,8 +83,7 @@ def test_values_that_no_run_can_have_are_refused(library: Library, running: Inst
     assert running.serialised() == data
 
 
-# blocks that remember what was decided at an event, or a plan: numbers at the end of their memory, and what these may
-# not be
+# blocks that remember what was decided at an event: numbers at the end of their memory, and what these may not be
 REMEMBERED = {
     **dict.fromkeys(("Coulomb", "Stiction", "Tustin", "Stribeck"), (3, (0.5, 2.0))),
     **dict.fromkeys(("Karnopp", "KarnoppMass", "ResetIntegrator", "Dahl"), (2, (0.5, 2.0))),
@@ -105,7 +92,6 @@ REMEMBERED = {
     "Leuven": (4, (-2.0, 0.5)),
     "Quantiser": (1, (0.5,)),
     "Circle": (1, (-1.0, 0.5)),
-    "Profile": (8, (0.5, -2.0)),
 }
 
 

@@ -138,6 +138,18 @@ def test_each_step_takes_its_sample_at_large_times(
             assert k % 10 or run.get1("v") == pytest.approx(1.0, abs=1e-6), k
 
 
+def test_each_step_takes_its_sample_if_rounding_of_the_time_is_as_large(build_fmu: Callable[..., Path]) -> None:
+    """Two steps of 0.4 us in a row add 0.48 us each to a Unix time; only the steps can be counted."""
+    with Instance(load(build_fmu("Differentiator"))) as run:
+        run.initialise(start=UNIX, Ts=4e-7, window=1, v0=1.0)
+        t = UNIX
+        for k in range(20):
+            run.set({"x": 4e-7 * k})
+            run.step(t, 4e-7)
+            t += 4e-7
+            assert run.get1("v") == pytest.approx(1.0, abs=1e-6), k
+
+
 def test_samples_follow_the_time_of_an_importer_with_rounded_steps(build_fmu: Callable[..., Path]) -> None:
     """Steps in single precision are 1.5e-8 too long; the times are right, so each step takes one sample."""
     with Instance(load(build_fmu("Differentiator"))) as run:

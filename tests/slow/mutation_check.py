@@ -51,6 +51,12 @@ EQUIVALENT = {
     "fmu_src/composite/composite.h: if (size - end < sizeof inner)  ->  if (size - end <= sizeof inner)": (
         "no part has a state without bytes"
     ),
+    "fmu_src/composite/composite.h: bool good = m->solved >= 0.0 && m->solved <= fmax(m->spent, 0.0) + slack && "
+    "is_bit(m->exchange) &&  ->  bool good = m->solved >= 0.0 && m->solved < fmax(m->spent, 0.0) + slack && "
+    "is_bit(m->exchange) &&": ("a state exactly at the end of the slack"),
+    "fmu_src/composite/composite.h: isfinite(m->time) && fabs(m->spent) <= 1.001 * STEP_SIZE && m->drift >= 0.0 && "
+    "m->drift < INFINITY &&  ->  isfinite(m->time) && fabs(m->spent) <= (1.05 * 1.001) * STEP_SIZE && m->drift >= "
+    "0.0 && m->drift < INFINITY &&": ("a run is never between the two bounds"),
     'fmu_src/fmi2.h: c->name, t, bad < INPUTS ? c->row_of[inputs[bad]]->name : "an input");  ->  c->name, t, '
     'bad <= INPUTS ? c->row_of[inputs[bad]]->name : "an input");': ("one input is not finite where there is a fault"),
     "fmu_src/fmi3/fmi3_values.h: const int size = values[i] < INT32_MAX ? (int)values[i] : INT32_MAX;  ->  "
@@ -66,6 +72,7 @@ EQUIVALENT = {
     "(m->memory.slips[i] != 0.0 || force > level * level_at(m, 0.0)) {": (
         "the search finds an element at its level at once, too"
     ),
+    "fmu_src/friction/GMS.c: width *= 2.0;  ->  dropped": ("more work behind a near miss, as intervals stay short"),
     "fmu_src/friction/GenericAsperity.c: if (A > 0.0 && !(N * fabs(mean) * h <= 2.0 * MOST_TRIES * "
     "wavelength))  ->  if (A > 0.0 && !(N * fabs(mean) * h <= (1.05 * 2.0) * MOST_TRIES * wavelength))": (
         "how much work is refused"
@@ -75,6 +82,9 @@ EQUIVALENT = {
     ),
     "fmu_src/friction/KarnoppMass.c: phi3 = 1.0;  ->  phi3 = (1.05 * 1.0);": (
         "the first term of a series, below 1e-16"
+    ),
+    "fmu_src/friction/KarnoppMass.c: if (dy * jerk < 0.0) {  ->  if (dy / jerk < 0.0) {": (
+        "the sign is the same, and without a jerk the turn is at no time"
     ),
     "fmu_src/friction/LuGre.c: const double viscous = asymmetric && v < 0.0 ? sigma2_neg : sigma2;  ->  const"
     " double viscous = asymmetric && v <= 0.0 ? sigma2_neg : sigma2;": (
@@ -95,6 +105,10 @@ EQUIVALENT = {
     "fmu_src/friction/ResetIntegrator.c: m->run.outputs_done = true;  ->  dropped": ("the outputs are computed twice"),
     "fmu_src/friction/SevenParameter.c: if (!(now > last->begin))  ->  if (!(now >= last->begin))": (
         "of two pieces that begin together, the search finds the later one"
+    ),
+    "fmu_src/friction/SevenParameter.c: if (follows && to->thinned == from->thinned && to->count > 0) {  ->  if "
+    "(follows && to->thinned == from->thinned && to->count >= 0) {": (
+        "an empty history is that of the start; the place before the ring holds what has just been copied"
     ),
     "fmu_src/friction/SwitchMass.c: if (until < t) {  ->  if (until <= t) {": (
         "no force exceeds static friction in both directions, and at the end of the step the phase follows from "
@@ -135,6 +149,8 @@ EQUIVALENT = {
     " * 1.0) - 1e-3);": ("the place of the next try, not the bracket"),
     "fmu_src/numerics/relaxation.h: if (converged || (row >= 2 && !(error <= 2.0 * previous)))  ->  if "
     "(converged || (row >= 2 && !(error < 2.0 * previous)))": ("an error of exactly twice the previous one"),
+    "fmu_src/numerics/relaxation.h: *step = fmin(*step, (4.0 * detail + 2.0 * fabs(start)) / fabs(rate));  ->  "
+    "*step = fmin(*step, ((1.05 * 4.0) * detail + 2.0 * fabs(start)) / fabs(rate));": ("the length of the first step"),
     "fmu_src/numerics/rodas.h: const double factor = error < 0.0 ? 0.2 : clip(0.9 * pow(fmax(error, 1e-12), "
     "-0.25), 0.2, 6.0);  ->  const double factor = error < 0.0 ? (1.05 * 0.2) : clip(0.9 * pow(fmax(error, "
     "1e-12), -0.25), 0.2, 6.0);": ("the size of the next try"),
@@ -149,11 +165,22 @@ EQUIVALENT = {
     "fmu_src/signals/Record.c: for (size_t i = guess; i < guess + 4 && i < LAST; i++) {  ->  for (size_t i = "
     "guess; i <= guess + 4 && i < LAST; i++) {": ("what this search misses, another finds"),
     "fmu_src/wasm/print.c: if (last > d->low) {  ->  if (last >= d->low) {": ("the digit behind the last one is 0"),
+    "harness/engine/defect.h: p->unstable += fabs(p->fed) > FED * p->flow && fabs(p->fed) > 0.5 * fabs(p->net);  "
+    "->  p->unstable += fabs(p->fed) > FED * p->flow && fabs(p->fed) >= 0.5 * fabs(p->net);": (
+        "an energy of exactly half of the other"
+    ),
     "harness/engine/engine.c: if (operations[0] != SET || operations[2] != STEP || operations[4] != GET || "
     "operations[3] != part ||  ->  if (operations[0] != SET || operations[2] != STEP || operations[4] == GET "
     "|| operations[3] != part ||": ("the operations of each part one by one give the same"),
     "harness/engine/engine.c: if (status <= 1 && p->output_count > 0) {  ->  if (status <= 1 && "
     "p->output_count >= 0) {": ("getting no values changes nothing"),
+    "harness/engine/fixed_point.h: for (double part = 1.0; part > 1e-3; part *= 0.5) {  ->  for (double part = "
+    "1.0; part > 1e-3; part *= (1.05 * 0.5)) {": ("the lengths that are tried, not the accuracy of the best one"),
+    "harness/engine/step_check.h: if (newton->moving[k].inner && bend > BENT * fabs(change) && bend > SLIGHT * "
+    "newton->moving[k].scale)  ->  if (newton->moving[k].inner && bend > BENT * fabs(change) && bend >= SLIGHT * "
+    "newton->moving[k].scale)": ("a deviation of exactly a thousandth of the magnitude"),
+    "harness/engine/tick.h: if (e->manipulator_count > 0 && e->begins)  ->  if (e->manipulator_count >= 0 && "
+    "e->begins)": ("without manipulators there is nothing to set"),
 }
 """Mutants that no test can find, as they are printed but without the number of the line, and why."""
 FOLDERS = {  # tests of what no single block is compiled with, by the beginning of the path
@@ -161,6 +188,7 @@ FOLDERS = {  # tests of what no single block is compiled with, by the beginning 
     "fmu_src/composite/": ("composite/",),
     "fmu_src/fmi2": ("shell/", "exchange/"),
     "fmu_src/fmi3/": ("fmi3/", "shell/", "exchange/", "check/"),
+    "fmu_src/numerics/": ("models/test_numerics.py",),
     "fmu_src/solver.h": ("shell/",),
     "fmu_src/wasm/": ("wasm/",),
     "harness/": ("harness/", "accuracy/"),

@@ -12,6 +12,7 @@ import pytest
 from identification.arms import Arm
 from independent_arm import ARM, GAINS, LIMIT, TS, exported, follow, moves, servo
 from independent_axis import law_of_loop
+from thorough import landing
 
 from friction_fmus.axis.loop_assembly import load_feedforward
 from friction_fmus.axis.position_map import gravity_map
@@ -52,6 +53,7 @@ def test_a_turn_of_gravity_is_a_table_within_a_millionth() -> None:
     assert np.max(np.abs(found + 2.0 * np.sin(q) - 0.5 * np.cos(q))) < 2e-6
 
 
+@landing
 def test_the_servo_moves_the_simulated_arm_as_the_true_one(tmp_path: Path) -> None:
     """The axis with its servo as measured: 0.5 % of the tracking error, with both implementations of each part."""
     angle, torque = follow(ARM, servo())
@@ -62,6 +64,7 @@ def test_the_servo_moves_the_simulated_arm_as_the_true_one(tmp_path: Path) -> No
     assert np.sqrt(np.mean((trace.force - torque) ** 2)) < 2e-2 * np.sqrt(np.mean(torque**2))
 
 
+@landing
 @pytest.mark.parametrize("law", ["StaticFeedforward", "none"])
 def test_the_c_of_a_loop_with_load_achieves_what_is_simulated(law: str, tmp_path: Path) -> None:
     values = {**FRICTION, "m": 0.0, "v_rest": 1e-6}
@@ -81,6 +84,7 @@ def test_the_c_of_a_loop_with_load_achieves_what_is_simulated(law: str, tmp_path
     assert achieved < (3e-4 if laws else 1e-2)
 
 
+@landing
 def test_gravity_and_load_of_a_record_are_identified() -> None:
     measured = record()
     half = float(measured.t[len(measured) * 2 // 3])
@@ -99,6 +103,7 @@ def test_gravity_and_load_of_a_record_are_identified() -> None:
     assert np.median(np.abs(friction[2] - expected)[slides]) < 0.02
 
 
+@landing
 def test_the_fit_to_the_closed_loop_keeps_the_load(tmp_path: Path) -> None:
     """A Coulomb friction that is 20 % too small becomes right, and the friction over the transmitted force stays so."""
     measured = record()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from independent_axes import AXES, SimulatedAxis, belt
 from independent_axis import resting, simulate, typical_moves
-from thorough import some
+from thorough import landing, some
 
 from friction_fmus.axis.loop_assembly import block, start_of
 from friction_fmus.axis.servo import AxisPlant, FlexibleLoad, Servo, Trajectory
@@ -42,6 +42,7 @@ def drawn(seed: int) -> tuple[dict[str, float], np.ndarray]:
     return axis, np.repeat(np.sum(waves, axis=0), HELD)
 
 
+@landing
 @pytest.mark.parametrize("seed", some([1, 4, 12, 21, 26, 38, 85, 126], [4, 126]))
 def test_two_masses_stick_and_slip_on_both_sides(seed: int) -> None:
     """Neither contact need stop together with the other: a motor comes to rest while the load goes on."""
@@ -67,6 +68,7 @@ def test_two_masses_stick_and_slip_on_both_sides(seed: int) -> None:
         assert np.max(np.abs(found - expected)) < 1e-3 * moved
 
 
+@landing
 @pytest.mark.parametrize("name", ["belt_8_Hz", "belt_25_Hz"])
 def test_the_simulated_loop_follows_an_axis_with_a_flexible_load(name: str, tmp_path: Path) -> None:
     axis = AXES[name]
@@ -92,6 +94,7 @@ def test_the_simulated_loop_follows_an_axis_with_a_flexible_load(name: str, tmp_
     assert changed["friction.Fc"] + changed["load_friction.Fc"] == pytest.approx(1.1 * level)
 
 
+@landing
 @pytest.mark.parametrize("rotary", [False, True])
 def test_a_spring_holds_the_weight_of_the_load_from_the_start(rotary: bool, tmp_path: Path) -> None:
     """Without friction that holds it, a load on a spring without stretch would begin to swing."""
@@ -109,6 +112,7 @@ def test_a_spring_holds_the_weight_of_the_load_from_the_start(rotary: bool, tmp_
     assert np.sqrt(np.mean((trace.q - run.x1) ** 2)) < 1e-3 * np.sqrt(np.mean((reference.r - run.x1) ** 2))
 
 
+@landing
 def test_parts_of_mass_and_friction_of_an_axis_that_swings(tmp_path: Path) -> None:
     """A rigid mass has less Coulomb friction: the motor reverses more often than the load."""
     servo = {"kp": 10.0, "kv": 120.0, "ki": 600.0, "limit": 400.0, "quantum": 1e-7}

@@ -12,7 +12,7 @@ import pytest
 from independent_axes import AXES
 from independent_axis import Reference, Run, law_of_loop, resting, simulate, trapezoid, typical_moves
 from scipy.integrate import solve_ivp
-from thorough import some
+from thorough import landing, some
 
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
@@ -210,6 +210,7 @@ def test_the_servo_is_that_of_the_project(law: str, order: int, tmp_path: Path) 
     np.testing.assert_allclose(found.command, expected.command, atol=1e-6)
 
 
+@landing
 @pytest.mark.parametrize("name", ["velocity_filter", "notch", "drive_with_coulomb"])
 def test_the_simulated_loop_has_the_filters_and_the_friction_feedforward_of_the_drive(
     name: str, tmp_path: Path
@@ -245,6 +246,7 @@ def test_the_simulated_loop_has_the_current_loop_of_the_drive(lag: float, tmp_pa
         assert apart < 0.06 * np.std(axis.run(kv=900.0, **other).x1[:n] - run.x1[:n])
 
 
+@landing
 @pytest.mark.parametrize("name", ["lugre_pid", "lugre_strengthening"])
 def test_the_simulated_loop_follows_an_axis_on_soft_bristles(name: str, tmp_path: Path) -> None:
     """A master of first order is off by 222 and 282 nm, which a fit takes for another damping."""
@@ -313,6 +315,7 @@ FAULTS = {  # finding, sizes in the order of its sentence, tolerance
 }
 
 
+@landing
 @pytest.mark.parametrize("name", some([*FAULTS], ["load_dependent_declared", "backlash"]))
 def test_faults_of_the_plant_are_named_with_their_size(name: str, tmp_path: Path) -> None:
     AXES[name].write(tmp_path, name)
@@ -324,6 +327,7 @@ def test_faults_of_the_plant_are_named_with_their_size(name: str, tmp_path: Path
     assert [float(each) for each in numbers[: len(sizes)]] == pytest.approx(list(sizes), rel=tolerance)
 
 
+@landing
 def test_friction_that_differs_between_records_which_all_begin_at_0_is_found() -> None:
     """Coulomb friction of 18 and 24 N, and no drift within a record."""
     records = []

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from independent_axis import simulate, typical_moves
 from scipy.signal import lfilter
-from thorough import nightly
+from thorough import landing, nightly
 
 from friction_fmus.axis.servo import LowPass, Notch, Servo
 from friction_fmus.data import load_emps
@@ -109,6 +109,7 @@ def test_positions_in_inches_that_are_read_as_millimetres(servo: Servo) -> None:
     assert "in and mm" in check.findings[0].what
 
 
+@landing
 @pytest.mark.parametrize("samples", [2, -1])
 def test_a_delay_is_counted(servo: Servo, samples: int) -> None:
     check = check_servo(replace(EMPS, force=np.roll(FORCE, samples)), servo).result
@@ -147,6 +148,7 @@ def test_gains_and_feedforward_together(servo: Servo) -> None:
     assert check.gains[1].value == pytest.approx(servo.gains["kv"], rel=1e-3)
 
 
+@landing
 @pytest.mark.parametrize("half", ["earlier", "later"])
 def test_the_feedforward_may_use_either_difference_of_the_reference(servo: Servo, half: str) -> None:
     r = EMPS.column("reference")
@@ -208,6 +210,7 @@ def test_a_declared_force_may_be_in_the_recorded_one_or_not(servo: Servo, includ
     np.testing.assert_array_equal(checked.injected, pulses())
 
 
+@landing
 def test_noise_of_the_force_confirms_the_gains(servo: Servo) -> None:
     noise = 20.0 * np.random.default_rng(0).standard_normal(len(EMPS))
     check = check_servo(replace(EMPS, force=FORCE + noise), servo).result
@@ -330,6 +333,7 @@ def test_a_feedforward_is_found_in_a_force_that_is_recorded_late() -> None:
     assert settings(check)["inertia_feedforward"] == pytest.approx(4.0, rel=0.02)
 
 
+@landing
 @pytest.mark.parametrize("delay", [0, 2])
 @pytest.mark.parametrize("lag", [1e-3, 3e-3])
 def test_a_force_behind_the_current_loop_is_named(lag: float, delay: int) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from logged_axis import FC, RD, RDD, TS, M, N, R, T, logged
 from scipy.signal import butter, lfilter
-from thorough import some
+from thorough import landing, some
 
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
 from friction_fmus.axis.servo_loop import accurate
@@ -24,6 +24,7 @@ from friction_fmus.study.evaluation import LATE, AxisBench, Case, Scheme, evalua
 from friction_fmus.study.servo_check import estimate_servo
 
 
+@landing
 @pytest.mark.parametrize(("window", "delay"), some([(1, 0), (1, 2), (3, 0), (3, 2)], [(3, 2)]))
 def test_a_cascade(window: int, delay: int) -> None:
     found = estimate_servo(logged(lambda k, e, v, total: 80.0 * (25.0 * e - v), window, delay))
@@ -42,6 +43,7 @@ def test_feedforward_of_velocity_and_acceleration() -> None:
     assert found.servo.gains["kv"] == pytest.approx(80.0, rel=1e-3)
 
 
+@landing
 @pytest.mark.parametrize("order", some([1, 2], [2]))
 def test_a_velocity_filter_and_coulomb_feedforward(order: int) -> None:
     own, past = butter(order, 40.0, fs=1.0 / TS), []
@@ -61,6 +63,7 @@ def test_a_velocity_filter_and_coulomb_feedforward(order: int) -> None:
     assert found.servo.coulomb_feedforward == pytest.approx(1.5, rel=0.01)
 
 
+@landing
 def test_an_integral() -> None:
     found = estimate_servo(logged(lambda k, e, v, total: 2000.0 * e - 80.0 * v + 9000.0 * total, 2))
     assert found is not None
@@ -81,6 +84,7 @@ def test_a_limit_that_the_record_does_not_show_is_said_to_be_assumed() -> None:
     assert "is assumed" in found.finding.what
 
 
+@landing
 def test_a_force_that_no_law_gives_is_not_explained() -> None:
     rng = np.random.default_rng(3)
     record = logged(lambda k, e, v, total: 80.0 * (25.0 * e - v), 2)

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from fmpy import read_model_description
-from thorough import nightly, some
+from thorough import landing, nightly, some
 from wasm.engines import ENGINES, node, run_in
 
 from friction_fmus import build, fmu
@@ -27,6 +27,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 LARGEST = 25 * 1024
 """Bytes that a block's module may have when it is compressed."""
 
+pytestmark = landing
 needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
 
 

@@ -252,7 +252,7 @@ class _Writer:
         plan, loops = self._plan, self._loops
         groups = [f"    {{{', '.join(str(getattr(row, field)) for field, *_ in row._fields_)}}}," for row in loops.rows]
         contacts = [f"    {{{', '.join(map(str, contact))}}}," for contact in loops.contacts]
-        states = [f"    {{{output}, {line}}}," for output, line in loops.states]
+        states = [f"    {{{output}, {line}, {unit}}}," for output, line, unit in loops.states]
         names = [f"    {c_string(_brief(loops.shown(number)))}," for number in range(len(loops.rows))]
         lines = [f"    {c_string(f'{plan.names[wire.output]} -> {plan.names[wire.input]}')}," for wire in loops.wires]
         group_of = {part: number for number, group in enumerate(loops.groups) for part in group}
@@ -261,7 +261,7 @@ class _Writer:
             *c_rows("Group group_data", groups, "{0}"),
             *c_rows("Contact contact_data", contacts, "{0, 0, 0, 0, 0, 0, 0, 0}"),
             *c_integers("load_inputs", loops.loads),
-            *c_rows("StateOutput state_data", states, "{0, 0}"),
+            *c_rows("StateOutput state_data", states, "{0, 0, 0}"),
             *c_rows("char *const loop_names", names, '""'),
             *c_integers("line_groups", groups_of_lines),
             *c_rows("char *const line_names", lines, '""'),

@@ -198,6 +198,9 @@ static void room(Model *m) { m->r[1] = m->r[3] - m->r[0] + (m->whole[0] ? m->r[2
 /* x, der(x), status, at, nan */
 static void failing(Model *m) { m->r[1] = m->r[0] > m->r[3] && m->r[4] > 0.0 ? NAN : 1.0; }
 
+/* x, der(x): from x = 0.9 on, x nears 1; beyond 1.2, there is no derivative */
+static void nearing(Model *m) { m->r[1] = m->r[0] > 1.2 ? NAN : fmin(10.0, 100.0 * (1.0 - m->r[0])); }
+
 /* x, der(x) = u, u, y = u */
 static void integrates(Model *m)
 {
@@ -222,6 +225,7 @@ static const Kind kinds[] = {
     {"DUE", 1, 0, {0.0, 1.0}, clock_of_one, NULL, due_now, NULL},
     {"ROOM", 1, 0, {20.0, 0.0, 10.0, 15.0}, room, NULL, NULL, NULL},
     {"FAILS", 1, 0, {0.0, 1.0, 2.0, 0.5, 0.0}, failing, NULL, NULL, NULL},
+    {"NEARS", 1, 0, {0.0, 10.0}, nearing, NULL, NULL, NULL},
     {"INTEGRATOR", 1, 0, {0.0, 0.0, 0.0, 0.0}, integrates, NULL, NULL, NULL},
 };
 

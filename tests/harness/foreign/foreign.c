@@ -2,8 +2,9 @@
  * dependencies. The GUID says which one this is, as "PREY" or "PREY states stale"; each solves its own equation exactly
  * for inputs that are held.
  *
- * With "states" the state can be saved, else the functions for it fail. With "stale" outputs cannot be read between an
- * input and the next step, which FMI 2.0 allows an FMU to refuse. With "ends" it ends the simulation after 0.55 s.
+ * With "states" the state can be saved, with a warning, else the functions for it fail. With "stale" outputs cannot be
+ * read between an input and the next step, which FMI 2.0 allows an FMU to refuse. With "ends" it ends the simulation
+ * after 0.55 s.
  */
 #include <math.h>
 #include <stdio.h>
@@ -151,7 +152,7 @@ EXPORT fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
     if (!((Model *)c)->saves) return fmi2Error;
     if (*state == NULL) *state = malloc(sizeof(Model));
     memcpy(*state, c, sizeof(Model));
-    return fmi2OK;
+    return fmi2Warning;
 }
 
 EXPORT fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
