@@ -133,9 +133,9 @@ static void set_at_rest(const Engine *e, Newton *newton, const Group *g)
         e->signals[newton->unknowns[j]] = newton->w[j];
 }
 
-/* Compute the outputs of a loop or a part for the present inputs; again while an unknown changes, as a part may
-   be stepped before one that its outputs depend on. */
-static int refresh(Engine *e, Newton *newton, const Group *g, double t)
+/* Compute the outputs of a loop or a part for the present inputs, those from outside at this part of the step; again
+   while an unknown changes, as a part may be stepped before one that its outputs depend on. */
+static int refresh(Engine *e, Newton *newton, const Group *g, double t, double at)
 {
     bool changed = true;
     for (int64_t sweep = 0; changed && sweep < g->count; sweep++) {
@@ -144,6 +144,9 @@ static int refresh(Engine *e, Newton *newton, const Group *g, double t)
         for (int64_t i = g->first; i < g->first + g->count; i++) {
             EnginePart *const p = &e->parts[newton->order[i]];
             fetch_inputs(e, p);
+            for (int64_t k = e->lines_from[newton->order[i]]; at < 1.0 && k < e->lines_from[newton->order[i] + 1]; k++)
+                if (!newton->moving[k].inner)
+                    e->signals[e->lines[k].input] = value_at(&newton->moving[k], arriving(e, e->lines[k].input), at);
             int operation = SET, status = hand_over(p, e->signals);
             if (status <= 1) {
                 operation = GET;
@@ -162,13 +165,13 @@ static int refresh(Engine *e, Newton *newton, const Group *g, double t)
     return SOLVED;
 }
 
-/* Let sums of forces follow contacts at rest, whose forces at the end of a step are those that their outputs tell. */
-static int follow_rest(Engine *e, Newton *newton, const Group *g, double t)
+/* Let sums of forces follow contacts at rest, whose forces at the end of a span are those that their outputs tell. */
+static int follow_rest(Engine *e, Newton *newton, const Group *g, const Span *s)
 {
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
             if (newton->moving[k].carries && newton->moving[k].role >= HOLDING)
-                return refresh(e, newton, g, t);
+                return refresh(e, newton, g, s->t, s->to);
     return SOLVED;
 }
 

@@ -107,13 +107,13 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
             if (status == SOLVED && (checked || off == AMPLIFIED))
                 conclude(newton, number, tick, &s, off, piece <= accurate);
             if (status == SOLVED && (off <= 1.0 || piece <= accurate)) {
-                status = follow_rest(e, newton, g, s.t);
+                status = follow_rest(e, newton, g, &s);
                 if (status != SOLVED)
                     return status;
                 accept(e, newton, g, number, &end);
                 newton->substeps++;
-                if (again && splits == 0) /* the motion after a jump is soon slower */
-                    limit_steps(guard, p.since < 0.0 ? s.h : fmax(s.h, h / (RUNG * RUNG)));
+                if (again && splits == 0) /* the motion after a jump is soon slower, and an event is soon over */
+                    limit_steps(guard, fmax(s.h, h / (p.since < 0.0 ? newton->finest : RUNG * RUNG)));
                 p.done = s.to >= 1.0 ? h : p.done + piece;
                 if (splits == 0) /* 0.8 / sqrt(off) would be more than 4 below 0.04 */
                     *proposed = fmax(accurate, piece * (again         ? 1.0
