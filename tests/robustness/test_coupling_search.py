@@ -79,8 +79,8 @@ def test_errors_that_add_up_are_told(seed: int, run: str, tmp_path: Path) -> Non
 def test_errors_that_were_tolerated(seed: int, run: str, tmp_path: Path) -> None:
     """Errors of many parts of a step that add up (469, 1000, 1135); errors that are small compared with a force that
     was large for an instant (1177, 1193); the force while a mass rests from the start (1526) or turns round (1652);
-    motions that are over within a small part of the first step (2307, 2327) or after a break-away (2316); a stop against
-    viscous friction (2472)."""
+    motions that are over within a small part of the first step (2307, 2327) or after a break-away (2316); a stop
+    against viscous friction (2472)."""
     case, made = draw(seed), Composites(tmp_path)
     answers = References(case)
     assert answers.found
