@@ -18,8 +18,10 @@ typedef struct {
     } run;
 } Model; /* as attraction.h expects it */
 
+#define LINEAR_STATES 3
+
 #include "attraction.h"
-#include "linear_step.h"
+#include "oscillator.h"
 
 #define TOLERANCE 3e-8 /* of the secant method, over the largest force */
 
@@ -92,15 +94,19 @@ static double friction(const LuGre *p, double *z, const Value *v, double h)
 }
 
 /* Move x, v and the position of the support, x[0] to x[2], along the line of the friction force. */
-static void pull(double *x, const Value *F, double m, double k, double v_support, double h)
+static void pull(Oscillator *last, double *x, const Value *F, double m, double k, double v_support, double h)
 {
-    const double w = sqrt(k / m), A[] = {0.0, w, 0.0, -k / (m * w), 0.0, k / (m * w), 0.0, 0.0, 0.0};
     const double slope = 2.0 * (F->u1 - F->mean) / h, c[] = {0.0, -slope / m, 0.0};
     double force = 2.0 * F->mean - F->u1;
     for (double rest = h; rest > 0.0; force = 0.0) {
-        const double piece = until_zero(force, slope, rest), b[] = {0.0, -force / m, w * v_support};
+        const double piece = until_zero(force, slope, rest);
+        const bool renews = differs(last, m, k, 0.0, piece);
+        const double w = last->w, b[] = {0.0, -force / m, w * v_support};
+        const double A[] = {0.0, w, 0.0, -k / (m * w), 0.0, k / (m * w), 0.0, 0.0, 0.0};
         double y[] = {w * x[0], x[1], w * x[2]};
-        linear_step(3, A, b, c, y, piece);
+        if (renews)
+            exponential(A, piece, &last->of);
+        linear_step(&last->of, b, c, y);
         x[0] = y[0] / w;
         x[1] = y[1];
         x[2] = y[2] / w;
@@ -113,6 +119,7 @@ double run_pulled_mass(const LuGre *p, double m, double k, double v_support, lon
 {
     double x[3] = {0.0}, z = 0.0, inverse = -1.0, trend = 0.0, last = 0.0, largest = 0.0;
     Value v = {0.0}, F = {0.0};
+    Oscillator oscillator = {0.0};
     const double begin = seconds();
     rows[0] = 0.0;
     for (long tick = 0; tick < n; tick++) {
@@ -121,7 +128,7 @@ double run_pulled_mass(const LuGre *p, double m, double k, double v_support, lon
             end_at(&F, force);
             for (int i = 0; i < 3; i++)
                 y[i] = x[i];
-            pull(y, &F, m, k, v_support, h);
+            pull(&oscillator, y, &F, m, k, v_support, h);
             end_at(&v, y[1]);
             z1 = z;
             const double r = friction(p, &z1, &v, h) - force;

@@ -11,6 +11,8 @@
 
    A block may also define
      MEMORY     a struct without pointers, accessed as m->memory, part of the FMU state
+     CACHE      a struct without pointers, accessed as m->cache, for values that follow from those that are stored with
+                them. It begins with zeros, is no part of the FMU state, and steps of other states may have filled it
      KEEPS_BY   the name of `static void f(Memory *to, const Memory *from, const Model *m, bool follows)`, for a large
                 MEMORY of which a small part is in use: it copies this part before a step and, if the step fails, back;
                 if `follows` is true, `to` is the memory of an earlier step of the same run
@@ -144,6 +146,11 @@ typedef MEMORY Memory;
 #else
 typedef struct { char none; } Memory;
 #endif
+#ifdef CACHE
+typedef CACHE Cache;
+#else
+typedef struct { double none; } Cache;
+#endif
 
 /* A sampled block has states without derivatives, so RATE(...) is empty. */
 #ifdef SAMPLED
@@ -200,6 +207,7 @@ typedef struct {
     double slope[INPUTS + 1]; /* time derivatives of the inputs, 0 for held inputs */
     Run run;
     Memory memory;
+    Cache cache;
 } Model;
 #undef SCALAR
 #undef VECTOR

@@ -118,20 +118,15 @@ static int direct_verify(void *component, const Ports *p, const double *signals,
 
 static void direct_save(const void *component, void *state)
 {
-    ((Saved *)state)->model = ((const Instance *)component)->model;
+    memcpy(&((Saved *)state)->model, &((const Instance *)component)->model, STATE_SIZE);
 }
 
-static void direct_restore(void *component, const void *state)
-{
-    Instance *const c = (Instance *)component;
-    c->model = ((const Saved *)state)->model;
-    c->follows = false;
-}
+static void direct_restore(void *component, const void *state) { restore((Instance *)component, (const Saved *)state); }
 
 static void *direct_place(void *component, int64_t *size, int64_t *fixed)
 {
     Instance *const c = (Instance *)component;
-    *size = (int64_t)sizeof c->model;
+    *size = STATE_SIZE;
     *fixed = VARYING;
     return &c->model;
 }

@@ -23,7 +23,7 @@ enum { INDICATORS = 0 };
 #endif
 
 typedef struct {
-    Model model;                           /* everything in a saved state */
+    Model model;                           /* everything in a saved state, and the cache */
     double gap[2 - sizeof(Model) / 8 % 2]; /* aligns the backup like the model, so that copying is fast */
     Model backup;                          /* state at the start of the step, or work space */
     bool follows;                          /* the backup is from the last step */

@@ -45,20 +45,29 @@ static const char magic_text[MAGIC_SIZE] = "block";
 
 typedef struct {
     SavedHeader header; /* with the checksum of the model */
-    Model model;
+    Model model;        /* its cache is not used */
 } Saved;
 
-static uint64_t checksum_of(const Saved *saved) { return checksum_of_bytes(&saved->model, sizeof saved->model); }
+/* The model without its cache. */
+enum { STATE_SIZE = offsetof(Model, cache), SAVED_SIZE = offsetof(Saved, model) + STATE_SIZE };
+
+static uint64_t checksum_of(const Saved *saved) { return checksum_of_bytes(&saved->model, STATE_SIZE); }
+
+static void restore(Instance *c, const Saved *saved)
+{
+    memcpy(&c->model, &saved->model, STATE_SIZE);
+    c->follows = false;
+}
 
 static void save(const Instance *c, Saved *saved)
 {
-    write_header(&saved->header, magic_text, c->guid, sizeof(Saved));
-    memcpy(&saved->model, &c->model, sizeof c->model); /* including padding, for equal bytes */
+    write_header(&saved->header, magic_text, c->guid, SAVED_SIZE);
+    memcpy(&saved->model, &c->model, STATE_SIZE); /* including padding, for equal bytes */
 }
 
 static const char *fault_of(const Instance *c, const Saved *saved)
 {
-    const char *const fault = fault_of_header(&saved->header, magic_text, c->guid, sizeof(Saved));
+    const char *const fault = fault_of_header(&saved->header, magic_text, c->guid, SAVED_SIZE);
     return !fault && saved->model.run.exchange != c->model.run.exchange ? OTHER_KIND : fault;
 }
 
@@ -135,8 +144,7 @@ fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state)
     REQUIRE(state, "fmi2SetFMUstate: the state is a null pointer")
     const char *const fault = fault_of(c, (const Saved *)state);
     REQUIRE(!fault, "fmi2SetFMUstate: the state cannot be used: %s", fault)
-    c->model = ((const Saved *)state)->model;
-    c->follows = false;
+    restore(c, (const Saved *)state);
     return fmi2OK;
 }
 
@@ -154,7 +162,7 @@ fmi2Status fmi2SerializedFMUstateSize(fmi2Component component, fmi2FMUstate stat
 {
     ENTER("SerializedFMUstateSize", MAY_FMUstate)
     REQUIRE(state && size, "fmi2SerializedFMUstateSize: a pointer is null")
-    *size = sizeof(Saved);
+    *size = SAVED_SIZE;
     return fmi2OK;
 }
 
@@ -162,10 +170,10 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate state, fm
 {
     ENTER("SerializeFMUstate", MAY_FMUstate)
     REQUIRE(state && bytes, "fmi2SerializeFMUstate: a pointer is null")
-    REQUIRE(size >= sizeof(Saved), "fmi2SerializeFMUstate: %u bytes are too few for a state with %u bytes",
-            (unsigned)size, (unsigned)sizeof(Saved))
+    REQUIRE(size >= SAVED_SIZE, "fmi2SerializeFMUstate: %u bytes are too few for a state with %u bytes", (unsigned)size,
+            (unsigned)SAVED_SIZE)
     const uint64_t checksum = checksum_of((const Saved *)state);
-    memcpy(bytes, state, sizeof(Saved));
+    memcpy(bytes, state, SAVED_SIZE);
     memcpy(bytes + offsetof(Saved, header.checksum), &checksum, sizeof checksum);
     return fmi2OK;
 }
@@ -174,11 +182,11 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
 {
     ENTER("DeSerializeFMUstate", MAY_FMUstate)
     REQUIRE(bytes && state, "fmi2DeSerializeFMUstate: a pointer is null")
-    REQUIRE(size == sizeof(Saved), "fmi2DeSerializeFMUstate: %u bytes were given, but a state of this FMU has %u",
-            (unsigned)size, (unsigned)sizeof(Saved))
+    REQUIRE(size == SAVED_SIZE, "fmi2DeSerializeFMUstate: %u bytes were given, but a state of this FMU has %u",
+            (unsigned)size, (unsigned)SAVED_SIZE)
     Saved *const read = (Saved *)calloc(1, sizeof(Saved));
     REQUIRE(read, "fmi2DeSerializeFMUstate: out of memory")
-    memcpy(read, bytes, sizeof(Saved));
+    memcpy(read, bytes, SAVED_SIZE);
     const char *fault = fault_of(c, read);
     if (!fault && read->header.checksum != checksum_of(read))
         fault = "they are damaged";

@@ -6,101 +6,123 @@
 #include <float.h>
 #include <math.h>
 #include <stdbool.h>
+#include <string.h>
 
 /* Return z(h) of z' = rate (target - z), with `decay` = rate h >= 0; also exact if decay is tiny or infinite. */
 static inline double relax(double z, double target, double decay) { return z - (target - z) * expm1(-decay); }
 
-/* Return whether all further terms of the series are too small to change the result. Their largest magnitude in a
-   column decreases to less than a sixth from one to the next, and a row of zeros stays one. */
-static inline bool all_negligible(int n, const double *term, const double *result, const bool *coupled)
+/* Number of states. A block with more of them defines it. */
+#ifndef LINEAR_STATES
+#define LINEAR_STATES 2
+#endif
+enum { ORDER = LINEAR_STATES };
+
+/* What a step over h of x' = a x + b + c s needs of a and h: the exponential of `scaled` = a h / 2^halvings, both
+   column by column. */
+typedef struct {
+    int halvings;
+    double part; /* h / 2^halvings */
+    double scaled[ORDER * ORDER], power[ORDER * ORDER];
+    bool coupled[ORDER]; /* the row of a is not zero */
+} Exponential;
+
+static inline void multiply(const double *matrix, const double *x, double *product)
 {
-    const int size = n + 2;
-    for (int j = 0; j < size; j++) {
-        double most = 0.0;
-        for (int i = 0; i < n; i++)
-            most = fmax(most, fabs(term[i * size + j]));
-        for (int i = 0; i < n; i++)
-            if (coupled[i] && most > 0.5 * DBL_EPSILON * fabs(result[i * size + j]))
-                return false;
+    for (int i = 0; i < ORDER; i++) {
+        product[i] = matrix[i] * x[0];
+        for (int l = 1; l < ORDER; l++)
+            product[i] += matrix[l * ORDER + i] * x[l];
     }
-    return true;
 }
 
-/* Replace x by the exact x(h) of x' = a x + b + c s, using the exponential of the matrix [a c b; 0 0 1; 0 0 0] h by
-   scaling and squaring of its Taylor series. Van Loan, IEEE TAC 23(3), 1978. At most 6 states, balanced by the
-   caller. The last two rows of every power are known, and so are the terms in a row of zeros. */
-static inline void linear_step(int n, const double *a, const double *b, const double *c, double *x, double h)
+/* Add the terms of a Taylor series from the k-th to the sum of the earlier ones. Each is `scaled` times the one before
+   over its number. End when all further terms are too small to change the sum: their largest magnitude decreases to
+   less than a sixth from one to the next, and a row of zeros stays one. */
+static inline void add_terms(const Exponential *of, int k, double *term, double *sum)
 {
-    enum { LARGEST = 8, TERMS = 16 };
-    const int size = n + 2;
-    double matrix[LARGEST * LARGEST], result[LARGEST * LARGEST], term[LARGEST * LARGEST], next[LARGEST * LARGEST];
-    bool coupled[LARGEST]; /* the row of `a` is not zero */
+    enum { TERMS = 16 };
+    double next[ORDER];
+    for (bool adds = true; k <= TERMS && adds; k++) {
+        double most = 0.0;
+        adds = false;
+        multiply(of->scaled, term, next);
+        for (int i = 0; i < ORDER; i++) {
+            const double before = sum[i];
+            term[i] = next[i] / k;
+            sum[i] += term[i];
+            adds |= sum[i] != before;
+            most = fmax(most, fabs(term[i]));
+        }
+        for (int i = 0; i < ORDER && !adds; i++)
+            adds = of->coupled[i] && most > 0.5 * DBL_EPSILON * fabs(sum[i]);
+    }
+}
 
-    double norm = 0.0;
-    for (int i = 0; i < n; i++) {
+/* Compute the exponential for `a`, which is given row by row and balanced by the caller. */
+static inline void exponential(const double *a, double h, Exponential *of)
+{
+    double norm = 0.0, term[ORDER];
+    for (int i = 0; i < ORDER; i++) {
         double row = 0.0;
-        for (int j = 0; j < n; j++)
-            row += fabs(a[i * n + j]) * h;
+        for (int j = 0; j < ORDER; j++)
+            row += fabs(a[i * ORDER + j]) * h;
         norm = fmax(norm, row);
-        coupled[i] = row != 0.0;
+        of->coupled[i] = row != 0.0;
     }
-    int halvings = 0;
-    for (double left = norm; left > 0.5 && halvings < 1000; left *= 0.5)
-        halvings++;
-    double part = halvings > 0 ? ldexp(h, -halvings) : h;
-
-    for (int i = 0; i < n; i++) {
-        for (int j = 0; j < n; j++)
-            matrix[i * size + j] = a[i * n + j] * part;
-        matrix[i * size + n] = c[i] * part;
-        matrix[i * size + n + 1] = b[i] * part;
-        for (int j = 0; j < size; j++) {
-            term[i * size + j] = matrix[i * size + j];
-            result[i * size + j] = (i == j ? 1.0 : 0.0) + term[i * size + j];
+    of->halvings = 0;
+    for (double left = norm; left > 0.5 && of->halvings < 1000; left *= 0.5)
+        of->halvings++;
+    of->part = of->halvings > 0 ? ldexp(h, -of->halvings) : h;
+    for (int j = 0; j < ORDER; j++)
+        for (int i = 0; i < ORDER; i++) {
+            of->scaled[j * ORDER + i] = a[i * ORDER + j] * of->part;
+            of->power[j * ORDER + i] = (i == j ? 1.0 : 0.0) + of->scaled[j * ORDER + i];
         }
+    for (int j = 0; j < ORDER; j++) {
+        memcpy(term, of->scaled + j * ORDER, sizeof term);
+        add_terms(of, 2, term, of->power + j * ORDER);
     }
-    bool adds = true;
-    for (int k = 2; k <= TERMS && adds; k++) {
-        for (int i = 0; i < n; i++)
-            for (int j = 0; j < size; j++) {
-                double sum = 0.0;
-                for (int l = 0; l < n; l++)
-                    sum += matrix[i * size + l] * term[l * size + j];
-                if (k == 2 && j == n + 1)
-                    sum += matrix[i * size + n] * part;
-                next[i * size + j] = sum / k;
-            }
-        bool changed = k == 2;
-        for (int i = 0; i < n * size; i++) {
-            const double sum = result[i] + next[i];
-            changed |= sum != result[i];
-            term[i] = next[i];
-            result[i] = sum;
-        }
-        adds = changed || !all_negligible(n, term, result, coupled);
-    }
-    for (; halvings > 0; halvings--) {
-        for (int i = 0; i < n; i++)
-            for (int j = 0; j < size; j++) {
-                double sum = 0.0;
-                for (int l = 0; l < n; l++)
-                    sum += result[i * size + l] * result[l * size + j];
-                sum += j >= n ? result[i * size + n] * (j == n ? 1.0 : part) : 0.0;
-                next[i * size + j] = sum + (j == n + 1 ? result[i * size + j] : 0.0);
-            }
-        for (int i = 0; i < n * size; i++)
-            result[i] = next[i];
-        part *= 2.0;
-    }
+}
 
-    double moved[LARGEST];
-    for (int i = 0; i < n; i++) {
-        moved[i] = result[i * size + n + 1];
-        for (int j = 0; j < n; j++)
-            moved[i] += result[i * size + j] * x[j];
+/* Replace x by the exact x(h) of x' = a x + b + c s: the exponential of the matrix [a c b; 0 0 1; 0 0 0] h times
+   [x; 0; 1], by scaling and squaring. Van Loan, IEEE TAC 23(3), 1978. */
+static inline void linear_step(const Exponential *of, const double *b, const double *c, double *x)
+{
+    double part = of->part, power[ORDER * ORDER], square[ORDER * ORDER], moved[ORDER], term[ORDER];
+    double by_c[ORDER], by_b[ORDER]; /* further columns of the exponential */
+    for (int i = 0; i < ORDER; i++) {
+        term[i] = c[i] * part;
+        by_c[i] = 0.0 + term[i]; /* no negative zero */
     }
-    for (int i = 0; i < n; i++)
-        x[i] = moved[i];
+    if (of->halvings > 0)
+        add_terms(of, 2, term, by_c);
+    for (int i = 0; i < ORDER; i++) {
+        term[i] = b[i] * part;
+        by_b[i] = 0.0 + term[i];
+    }
+    multiply(of->scaled, term, moved);
+    for (int i = 0; i < ORDER; i++) {
+        term[i] = (moved[i] + c[i] * part * part) / 2.0;
+        by_b[i] += term[i];
+    }
+    add_terms(of, 3, term, by_b);
+    memcpy(power, of->power, sizeof power);
+    for (int left = of->halvings; left > 0; left--, part *= 2.0) {
+        multiply(power, by_b, moved);
+        multiply(power, by_c, term);
+        for (int i = 0; i < ORDER; i++) {
+            by_b[i] += moved[i] + by_c[i] * part;
+            by_c[i] += term[i];
+            multiply(power, power + i * ORDER, square + i * ORDER);
+        }
+        memcpy(power, square, sizeof power);
+    }
+    for (int i = 0; i < ORDER; i++) {
+        moved[i] = by_b[i];
+        for (int j = 0; j < ORDER; j++)
+            moved[i] += power[j * ORDER + i] * x[j];
+    }
+    memcpy(x, moved, sizeof moved);
 }
 
 #endif

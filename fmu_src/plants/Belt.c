@@ -47,9 +47,10 @@
 /* clang-format on */
 
 #define STEPS_BY step
+#define CACHE    Oscillator
 
-#include "block.h"
 #include "oscillator.h"
+#include "block.h"
 
 static void equations(Model *model)
 {
@@ -64,6 +65,7 @@ static void equations(Model *model)
 
 static bool step(Model *m, double h)
 {
-    oscillate(&m->x, &m->v, m->m, m->k, m->d, m->F_load - m->F_friction, SLOPE(F_load) - SLOPE(F_friction), h);
+    oscillate(&m->cache, &m->x, &m->v, m->m, m->k, m->d, m->F_load - m->F_friction, SLOPE(F_load) - SLOPE(F_friction),
+              h);
     return true;
 }

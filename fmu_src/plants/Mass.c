@@ -35,9 +35,13 @@
 /* clang-format on */
 
 #define STEPS_BY step
+#define CACHE    Oscillator
 
-#include "block.h"
+#define LINEAR_STATES 3
+
+#include "oscillator.h"
 #include "ramp.h"
+#include "block.h"
 
 static void equations(Model *model)
 {
@@ -66,13 +70,16 @@ static bool step(Model *model, double h)
         model->x_support += path_after(v_support, rate[INPUT_v_support], h);
         return true;
     }
-    /* y = (w x, v, w x_support) with w = sqrt(k/m) gives all rates the same magnitude. */
-    const double w = k > 0.0 ? sqrt(k / m) : 1.0 / h;
-    const double A[] = {0.0, w, 0.0, -k / (m * w), -d / m, k / (m * w), 0.0, 0.0, 0.0};
+    /* y = (w x, v, w x_support) */
+    Oscillator *const last = &model->cache;
+    const bool renews = differs(last, m, k, d, h);
+    const double w = last->w, A[] = {0.0, w, 0.0, -k / (m * w), -d / m, k / (m * w), 0.0, 0.0, 0.0};
+    if (renews)
+        exponential(A, h, &last->of);
     const double b[] = {0.0, push, w * v_support};
     const double c[] = {0.0, jerk, w * rate[INPUT_v_support]};
     double y[] = {w * x, v, w * x_support};
-    linear_step(3, A, b, c, y, h);
+    linear_step(&last->of, b, c, y);
     model->x = y[0] / w;
     model->v = y[1];
     model->x_support = y[2] / w;

@@ -58,10 +58,11 @@
 /* clang-format on */
 
 #define STEPS_BY step
+#define CACHE    Oscillator
 
-#include "block.h"
 #include "oscillator.h"
 #include "ramp.h"
+#include "block.h"
 
 static void equations(Model *m)
 {
@@ -91,7 +92,7 @@ static bool step(Model *m, double h)
 
     /* stretch; mu/m1 = share2 and mu/m2 = share1 */
     double q = x1 - x2, q_dot = v1 - v2;
-    oscillate(&q, &q_dot, mu, k, d, share2 * F1 - share1 * F2, share2 * F1_rate - share1 * F2_rate, h);
+    oscillate(&m->cache, &q, &q_dot, mu, k, d, share2 * F1 - share1 * F2, share2 * F1_rate - share1 * F2_rate, h);
 
     const double dq = q - (x1 - x2);
     m->x1 += dX + share2 * dq;

@@ -51,14 +51,13 @@ typedef struct {
     double T;             /* [s] whole motion */
 } Plan;
 
-/* The last plan with what it was made of: its roots take a third of the time of a step. */
+/* The last plan with what it was made of: its roots would take a third of the time of a step. */
 typedef struct {
     double L, v_max, a_max, j_max;
     Plan plan;
 } Planned;
 
-#define MEMORY   Planned
-#define VALID_BY is_plan
+#define CACHE Planned
 
 #include "block.h"
 
@@ -105,22 +104,10 @@ static Motion first_half(Plan by, double L, double j, double s)
 static Plan planned(Model *m, double L)
 {
     GIVEN(m)
-    Planned *const last = &m->memory;
-    if (last->L == L && last->v_max == v_max && last->a_max == a_max && last->j_max == j_max)
-        return last->plan;
-    const Plan by = plan(L, v_max, a_max, j_max);
-    if (!before_stepping(m)) /* until then, the memory is empty */
-        *last = (Planned){L, v_max, a_max, j_max, by};
-    return by;
-}
-
-static bool is_plan(const Model *m)
-{
-    const Planned *const last = &m->memory;
-    const bool empty = last->j_max == 0.0;
-    const Plan by = empty ? (Plan){0.0, 0.0, 0.0, 0.0} : plan(last->L, last->v_max, last->a_max, last->j_max);
-    const Planned right = {last->L, last->v_max, last->a_max, last->j_max, by};
-    return memcmp(&right, last, sizeof right) == 0;
+    Planned *const last = &m->cache;
+    if (last->L != L || last->v_max != v_max || last->a_max != a_max || last->j_max != j_max)
+        *last = (Planned){L, v_max, a_max, j_max, plan(L, v_max, a_max, j_max)};
+    return last->plan;
 }
 
 static void equations(Model *m)

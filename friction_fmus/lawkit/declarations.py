@@ -149,14 +149,14 @@ _RESERVED = {
     "remquo rint round scalbln scalbn signbit signgam sin sinh sqrt tan tanh tgamma trunc y0 y1 yn drem significand "
     "scalb finite exception matherr div abs index signal time clock remove rename",
     "Windows or compiler headers": "near far small hyper interface huge pascal cdecl min max linux unix i386 vax",
-    "block.h": "time slope memory run given model rows states inputs nominals square sign clip value_of sample "
+    "block.h": "time slope memory cache run given model rows states inputs nominals square sign clip value_of sample "
     "equations indicators advance evaluate relax fault violated relations holds is_flag is_direction is_count "
-    "all_finite Model Memory Run Row Instance INPUT COMMAND "
+    "all_finite Model Memory Cache Run Row Instance INPUT COMMAND "
     "OUTPUT LOCAL FLAG OPTIONAL OUTPUT_FLAG LOCALS FLAGS TALLY STATES PARAMETER SWITCH "
     "FIXED COUNT PARAMETERS STATE STATE_OUTPUT "
     "SCALAR VECTOR DYNAMIC DYNAMICS GIVEN VARIABLES IDENTITY "
     "MODEL SUMMARY SOURCE SAMPLED GUARDED REQUIRES EVENTS INDICATORS DECIDES DECIDES_BY "
-    "NO_EXCHANGE EXCHANGES REINITIALISES "
+    "NO_EXCHANGE EXCHANGES REINITIALISES CACHE LINEAR_STATES "
     "MEMORY KEEPS_BY skip SKIPS_BY STEPS_BY VALID_BY WARNING INF COUNTS INPUTS STATES VALUES ROWS AT SLOPE UNWRAP "
     "LENGTH VELOCITY ACCELERATION JERK FORCE MASS STIFFNESS DAMPING TIME FREQUENCY ANGLE NO_UNIT "
     "FORCE_NOUN MASS_NOUN MOVING_MASS "

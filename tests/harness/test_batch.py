@@ -152,6 +152,7 @@ def test_a_wrong_argument_is_refused_and_changes_nothing(
 @pytest.mark.parametrize("model", ["LuGre", "Coulomb"])  # the latter keeps in mind how it came to rest
 def test_a_copy_does_not_depend_on_the_others(build_fmu: BuildFmu, model: str) -> None:
     forces, speeds = np.random.default_rng(5).normal(scale=2.0, size=(20, 3, 1)), np.linspace(0.0, 0.1, 3)
+    springs = np.array([2.0, 0.0, 50.0])
     load = ["mass.F_ext -> friction.F_ext"] if model == "Coulomb" else []
     wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", *load]
     parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu(model))]
@@ -161,7 +162,7 @@ def test_a_copy_does_not_depend_on_the_others(build_fmu: BuildFmu, model: str) -
             len(copies),
             inputs=["mass.F_drive"],
             outputs=["mass.x", "friction.F"],
-            start={"mass.v0": speeds[copies]},
+            start={"mass.v0": speeds[copies], "mass.k": springs[copies]},
             master="newton",
             step=1e-3,
         ) as made:

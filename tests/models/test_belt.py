@@ -98,6 +98,21 @@ def test_the_belt_is_a_mass_on_a_moving_support_seen_from_the_belt(
             assert fixed.get1("x") == pytest.approx(moving.get1("x") + V * t, abs=1e-12)
 
 
+@pytest.mark.parametrize("changed", [{"m": 3.0}, {"k": 50.0}, {"d": 0.0}, {"k": 0.0, "d": 0.0}, {"h": 0.03}])
+def test_a_parameter_or_the_step_changes_in_a_run_and_back(belt: Library, changed: dict[str, float]) -> None:
+    usual = {"m": 1.0, "k": 2.0, "d": 0.5, "h": 0.1}
+    y, t = np.array([0.3, -0.4]), 0.0
+    with Instance(belt) as run:
+        run.initialise(x0=y[0], v0=y[1], F_load=0.7)
+        for values in (usual, usual, usual | changed, usual | changed, usual):
+            h, m, k, d = (values[name] for name in "hmkd")
+            run.set({"m": m, "k": k, "d": d})
+            run.step(t, h)
+            t += h
+            y = exact(y, h, m, k, d, 0.7, 0.0)
+            assert run.get("x", "v") == pytest.approx(y, rel=1e-12)
+
+
 def test_friction_of_the_size_of_F_ext_lets_the_mass_ride_on_an_accelerating_belt(belt: Library) -> None:
     """F_ext has no friction in it, but the inertia that the belt has to overcome: v = a t, x = a t^2 / 2 stays so."""
     m, k, d, a, h, t = 2.0, 3.0, 0.5, 0.4, 0.01, 1.0

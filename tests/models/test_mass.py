@@ -213,6 +213,49 @@ def test_parameters_may_change_between_steps(mass: Library) -> None:
             assert run.get("x", "v", "x_support") == pytest.approx(state, rel=1e-12)
 
 
+USUAL = {"m": 1.0, "k": 2.0, "d": 0.5, "h": 0.1}
+CHANGED = [{"m": 3.0}, {"k": 50.0}, {"k": 0.0}, {"d": 0.0}, {"k": 0.0, "d": 0.0}, {"h": 0.03}, {"k": 2e4}]
+
+
+@pytest.mark.parametrize("changed", CHANGED)
+def test_a_parameter_or_the_step_changes_in_a_run_and_back(mass: Library, changed: dict[str, float]) -> None:
+    """Also within a step, which is divided where the force passes 0."""
+    state, t = (0.3, -0.4, 0.1), 0.0
+    with Instance(mass) as run:
+        run.initialise(x0=state[0], v0=state[1], x_support0=state[2], v_support=0.2)
+        for values in (USUAL, USUAL, USUAL | changed, USUAL | changed, USUAL):
+            h = values["h"]
+            run.set({"m": values["m"], "k": values["k"], "d": values["d"], "F_drive": -0.5})
+            assert run.input_derivatives({"F_drive": 1.2 / h}) == OK
+            run.step(t, h)
+            t += h
+            state = tuple(exact(state, *(values[name] for name in "hmkd"), -0.5, 0.2, 1.2 / h))
+            assert run.get("x", "v", "x_support") == pytest.approx(state, rel=1e-11, abs=1e-13)
+
+
+@pytest.mark.parametrize("changed", CHANGED)
+def test_a_state_goes_on_to_the_last_bit_in_an_instance_that_did_something_else(
+    mass: Library, changed: dict[str, float]
+) -> None:
+    """Nothing that the steps of that instance have left belongs to the state."""
+    other = USUAL | changed
+    with Instance(mass) as run, Instance(mass) as elsewhere:
+        run.initialise(x0=0.3, v_support=0.2, m=1.0, k=2.0, d=0.5)
+        elsewhere.initialise(v0=1.0, m=other["m"], k=other["k"], d=other["d"])
+        for n in range(3):
+            run.step(0.1 * n, 0.1)
+            elsewhere.step(0.0, other["h"])
+            data = run.serialised()
+            assert elsewhere.try_restore(data) == OK
+            assert elsewhere.serialised() == data
+            elsewhere.step(0.1 * (n + 1), 0.1)
+            run.step(0.1 * (n + 1), 0.1)
+            assert elsewhere.serialised() == run.serialised()
+            assert run.try_restore(data) == OK
+            elsewhere.must("Reset")
+            elsewhere.initialise(v0=1.0, m=other["m"], k=other["k"], d=other["d"])
+
+
 @pytest.mark.parametrize("values", [{"m": 0.0}, {"m": -1.0}, {"k": -1.0}, {"d": -1e-9}])
 def test_impossible_parameters_are_discarded(mass: Library, values: dict[str, float]) -> None:
     with Instance(mass) as run:

@@ -84,9 +84,11 @@ CODE = """
 void swing(double *y, double omega2, double zeta, double a, double t) { ring(&y[0], &y[1], omega2, zeta, a, t); }
 uint64_t scrambled(uint64_t counter) { return scramble(counter * GOLDEN + 1234567); }
 bool solve(int n, double *a, double *b) { return solve_linear(n, a, b); }
-void advance(int n, const double *a, const double *b, const double *c, double *x, double h)
+void advance(const double *a, const double *b, const double *c, double *x, double h)
 {
-    linear_step(n, a, b, c, x, h);
+    Exponential of;
+    exponential(a, h, &of);
+    linear_step(&of, b, c, x);
 }
 static void pull(const void *system, double s, const double *y, double *a)
 {
@@ -104,11 +106,12 @@ bool move(double *y, double k, double h)
 BESIDE = -77.0
 
 
-@pytest.fixture(scope="module")
-def numerics(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+@pytest.fixture(scope="module", params=[2])
+def numerics(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+    """With this number of states of linear equations."""
     folder = tmp_path_factory.mktemp("numerics")
     (folder / "numerics.c").write_text(CODE, encoding="utf-8")
-    flags = ["-std=c99", "-O1", "-shared", "-fPIC", f"-I{NUMERICS}"]
+    flags = ["-std=c99", "-O1", "-shared", "-fPIC", f"-I{NUMERICS}", f"-DLINEAR_STATES={request.param}"]
     flags += ["-ftrivial-auto-var-init=pattern"]  # what is not set is no number
     subprocess.run([*compiler(), *flags, "numerics.c", "-lm", "-o", "numerics.so"], cwd=folder, check=True)
     loaded = ctypes.CDLL(str(folder / "numerics.so"))
@@ -120,11 +123,11 @@ def numerics(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     loaded.move.argtypes = (numbers, ctypes.c_double, ctypes.c_double)
     loaded.solve.restype = ctypes.c_bool
     loaded.solve.argtypes = (ctypes.c_int, numbers, numbers)
-    loaded.advance.argtypes = (ctypes.c_int, *[numbers] * 4, ctypes.c_double)
+    loaded.advance.argtypes = (*[numbers] * 4, ctypes.c_double)
     return loaded
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 6])
+@pytest.mark.parametrize(("numerics", "n"), [(n, n) for n in (1, 2, 3, 6)], indirect=["numerics"])
 def test_linear_equations_with_a_ramp_are_stepped_exactly(numerics: ctypes.CDLL, n: int) -> None:
     """Against the exponential of the matrix [a c b; 0 0 1; 0 0 0] h of scipy; beside x nothing is written."""
     drawn = np.random.default_rng(n)
@@ -134,7 +137,7 @@ def test_linear_equations_with_a_ramp_are_stepped_exactly(numerics: ctypes.CDLL,
     whole[n, n + 1] = 1.0
     for h in (0.0, 1e-3, 0.2, 7.0):
         found = np.array([*x, BESIDE])
-        numerics.advance(n, a, b, c, found, h)
+        numerics.advance(a, b, c, found, h)
         expected = (expm(whole * h) @ [*x, 0.0, 1.0])[:n]
         np.testing.assert_allclose(found[:n], expected, rtol=0.0, atol=1e-12 * max(1.0, abs(expected).max()))
         assert found[n] == BESIDE

@@ -98,6 +98,24 @@ def test_steps_are_exact_for_held_and_for_linear_forces(
         assert run.get("a1", "a2") == pytest.approx([(F1 - spring) / m1, (F2 + spring) / m2], abs=slack / min(m1, m2))
 
 
+@pytest.mark.parametrize(
+    "changed", [{"m1": 3.0}, {"m2": 0.2}, {"k": 50.0}, {"d": 0.0}, {"k": 0.0, "d": 0.0}, {"h": 0.03}]
+)
+def test_a_parameter_or_the_step_changes_in_a_run_and_back(two_mass: Library, changed: dict[str, float]) -> None:
+    usual = {"m1": 1.0, "m2": 0.5, "k": 20.0, "d": 0.5, "h": 0.1}
+    forces = np.array([0.7, 0.1, -0.2, 0.3])
+    y, t = np.array([0.3, -0.4, 0.1, 0.2]), 0.0
+    with Instance(two_mass) as run:
+        run.initialise(**initial(y), **dict(zip(FORCES, forces.tolist(), strict=True)))
+        for values in (usual, usual, usual | changed, usual | changed, usual):
+            h = values["h"]
+            run.set({name: value for name, value in values.items() if name != "h"})
+            run.step(t, h)
+            t += h
+            y = exact(y, h, values, SIDES @ forces, np.zeros(2))
+            assert run.get(*STATES) == pytest.approx(y, rel=1e-12)
+
+
 @pytest.mark.parametrize("h", [1e-4, 0.01 / 3.0, 0.7])
 def test_the_free_drive_rings_at_its_resonance(two_mass: Library, h: float) -> None:
     """q = q0 cos(w_r t) about a centre of mass that flies on, over a thousand steps of any size."""

@@ -83,8 +83,7 @@ def test_values_that_no_run_can_have_are_refused(library: Library, running: Inst
     assert running.serialised() == data
 
 
-# blocks that remember what was decided at an event, or a plan: numbers at the end of their memory, and what these may
-# not be
+# blocks that remember what was decided at an event: numbers at the end of their memory, and what these may not be
 REMEMBERED = {
     **dict.fromkeys(("Coulomb", "Stiction", "Tustin", "Stribeck"), (3, (0.5, 2.0))),
     **dict.fromkeys(("Karnopp", "KarnoppMass", "ResetIntegrator", "Dahl"), (2, (0.5, 2.0))),
@@ -93,7 +92,6 @@ REMEMBERED = {
     "Leuven": (4, (-2.0, 0.5)),
     "Quantiser": (1, (0.5,)),
     "Circle": (1, (-1.0, 0.5)),
-    "Profile": (8, (0.5, -2.0)),
 }
 
 
