@@ -88,9 +88,8 @@ def test_states_that_an_event_of_a_part_changes_are_marked(version: Literal[2, 3
 def test_an_event_of_a_part_that_changes_nominal_values_is_told(tmp_path: Path) -> None:
     """Also if another one follows that does not. No block has such events: the source of one is changed."""
     last = b"info->valuesOfContinuousStatesChanged ="
-    twice = (
-        b"static int first = 1;\n    info->nominalsOfContinuousStatesChanged = info->newDiscreteStatesNeeded = first;\n"
-    )
+    scaled = b"info->nominalsOfContinuousStatesChanged = info->newDiscreteStatesNeeded"
+    twice = b"static int first = 1;\n    " + scaled + b" = first;\n    first = 0;\n    "
     with zipfile.ZipFile(fmu("Dahl")) as archive, zipfile.ZipFile(tmp_path / "Scaled.fmu", "w") as written:
         for name in archive.namelist():
             data = archive.read(name)
