@@ -85,6 +85,25 @@ def test_states_that_an_event_of_a_part_changes_are_marked(version: Literal[2, 3
     assert (marked.getparent() if version == 2 else marked).get("name") == "friction.z"
 
 
+def test_an_event_of_a_part_that_changes_nominal_values_is_told(tmp_path: Path) -> None:
+    """Also if another one follows that does not. No block has such events: the source of one is changed."""
+    last = b"info->valuesOfContinuousStatesChanged ="
+    scaled = b"info->nominalsOfContinuousStatesChanged = info->newDiscreteStatesNeeded"
+    twice = b"static int first = 1;\n    " + scaled + b" = first;\n    first = 0;\n    "
+    with zipfile.ZipFile(fmu("Dahl")) as archive, zipfile.ZipFile(tmp_path / "Scaled.fmu", "w") as written:
+        for name in archive.namelist():
+            data = archive.read(name)
+            if name == "sources/fmi2_exchange.h":
+                data = data.replace(last, twice + last)
+            written.writestr(name, data)
+    with System([FmuPart("friction", tmp_path / "Scaled.fmu")], start={"friction.v": 1e-3}) as system:
+        system.to_fmu(tmp_path / "One.fmu", step=1e-3)
+    with Instance(load(tmp_path / "One.fmu"), kind=MODEL_EXCHANGE) as run:
+        run.initialise()
+        event = run.event()
+        assert (event.again, event.nominals_changed, event.states_changed) == (0, 1, 0)
+
+
 @nightly
 def test_the_end_of_a_record_ends_the_simulation(tmp_path: Path) -> None:
     record = SeriesPart("record", [0.0, 0.5], {"F": [1.0, 1.0]}, {"F": "N"})

@@ -255,6 +255,14 @@ def test_a_spread_start_is_balanced_and_within_its_range(bristle: Library, n: in
         assert run.get("F", "rebonds") == pytest.approx([n * SIGMA0 * 5e-6, 0.0], rel=1e-12)
 
 
+def test_a_spread_start_is_uniform(bristle: Library) -> None:
+    """Of each pair, by its random number 0: E is the energy of these springs."""
+    with Instance(bristle) as run:
+        run.initialise(spread=0.8, seed=7)
+        away = [0.8 * DELTA_S * (2.0 * uniform(7, pair, 0) - 1.0) for pair in range(N // 2)]
+        assert run.get1("E") == pytest.approx(0.5 * SIGMA0 * sum(2.0 * d * d for d in away), rel=1e-12)
+
+
 def test_the_deflection_at_the_start_can_be_given(bristle: Library) -> None:
     with Instance(bristle) as run:
         run.initialise(z=7e-6)
