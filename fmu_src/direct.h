@@ -8,7 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { DIRECT_VERSION = 1, NOT_DIRECT = -1 }; /* status: the call of FMI has to be made, which says what is wrong */
+enum { DIRECT_VERSION = 2, NOT_DIRECT = -1 }; /* status: the call of FMI has to be made, which says what is wrong */
 
 /* What a part exchanges: value references of its Real and Boolean inputs and of its Real, Integer and Boolean outputs,
    and where their values are in the signals of engine.h. */
@@ -22,8 +22,9 @@ typedef struct {
 typedef struct {
     int version;
     int (*set)(void *component, const Ports *ports, const double *signals);
-    int (*slopes)(void *component, const Ports *ports, const double *slopes);
     int (*step)(void *component, double t, double h);
+    /* Set, give all Real inputs slopes, and step. */
+    int (*move)(void *component, const Ports *ports, const double *signals, const double *slopes, double t, double h);
     int (*get)(void *component, const Ports *ports, double *signals);
     /* Set, step and get without a check: it follows, with what `turn` has returned. */
     bool (*turn)(void *component, const Ports *ports, double *signals, double t, double h);

@@ -40,8 +40,7 @@ static int direct_set(void *component, const Ports *p, const double *signals)
     return fmi2OK;
 }
 
-/* All Real inputs get a slope. */
-static int direct_slopes(void *component, const Ports *p, const double *slopes)
+static int set_slopes(void *component, const Ports *p, const double *slopes)
 {
     Instance *const c = (Instance *)component;
     if (MODE(c) != STEP_COMPLETE || !finite_values(slopes, p->reals))
@@ -66,6 +65,12 @@ static int direct_step(void *component, double t, double h)
         return fmi2Discard;
     const bool done = take_step(m, t, h);
     return (int)(done && results_finite(m) ? accept_step(c, t, h) : refuse_step(c, t, h, done, m->run.too_much));
+}
+
+static int direct_move(void *component, const Ports *p, const double *signals, const double *slopes, double t, double h)
+{
+    const int set = direct_set(component, p, signals), status = set == fmi2OK ? set_slopes(component, p, slopes) : set;
+    return status == fmi2OK ? direct_step(component, t, h) : status;
 }
 
 static inline void read_outputs(const Model *m, const Ports *p, double *values)
@@ -139,8 +144,8 @@ DirectCalls blockDirect;
 
 const Direct *blockDirect(void)
 {
-    static const Direct calls = {DIRECT_VERSION, direct_set,    direct_slopes, direct_step,    direct_get,
-                                 direct_turn,    direct_verify, direct_save,   direct_restore, direct_place};
+    static const Direct calls = {DIRECT_VERSION, direct_set,    direct_step, direct_move,    direct_get,
+                                 direct_turn,    direct_verify, direct_save, direct_restore, direct_place};
     return &calls;
 }
 

@@ -110,11 +110,11 @@ SHA256 = {
         "elements in a spring-driven mass": "e3e63666d07755e1d65efa214ac57f9bd3f4c0534ad8a5f0311ab920d4837e7e",
         "a lag and a memory": "a1a8c15ca7ce21de4af9a3d97771e26cc640579cf8c41cb0b28ec337002e849b",
         "a belt that sticks": "304589aa61140e9ae0a5907a52eb18bf625a611ed42f51c4a3b8d023abe42a11",
-        "two masses on two contacts": "f99ec4ac9106df1a7bf5a497305edbfaac984b4579f43d7d1fb88ce18c348352",
+        "two masses on two contacts": "d00b996805fe91c25b6301dbbf305867f504544f6065e0e565d5264407dbd0e7",
         "a chain of blocks": "6d08a4cd95ecaafb93bc1f1a8464035b102643ce384b2c52457a0ed4212fa451",
         "a controller with an encoder": "10013bd55e43625c857aeafdcbe585c20888331f97746fbb7147746c9837d652",
         "a resetting controller with a feedforward": "0afb4e8be9504d68e3ca3bbc02aac7f667f003d886e65aa13102208748e68ad8",
-        "a cascade with an observer": "d5066f321f94d9f934dea30cfa87d960a6beb0649374b5e3fa6bcba8973da861",
+        "a cascade with an observer": "c1bf7dbfba60c484239cbab4b17e3684f3e145a9631d2fff1ab1e0f425f142a8",
         "a sliding mode": "2cde5a63b66dd8bb6799906a241af24261cc3fcccc58bccaab44452963cf27d2",
     }
 }

@@ -95,7 +95,6 @@ EXPORT const Direct *engine_inert(void)
     static const Direct inert = {
         .version = DIRECT_VERSION,
         .set = set_nothing,
-        .slopes = set_nothing,
         .step = step_nothing,
         .get = get_nothing,
         .turn = turn_nothing,

@@ -133,9 +133,9 @@ static void set_at_rest(const Engine *e, Newton *newton, const Group *g)
         e->signals[newton->unknowns[j]] = newton->w[j];
 }
 
-/* Compute the outputs of a loop or a part for the present inputs; again while an unknown changes, as a part may
-   be stepped before one that its outputs depend on. */
-static int refresh(Engine *e, Newton *newton, const Group *g, double t)
+/* Compute the outputs of a loop or a part for the present inputs, those from outside at this part of the step; again
+   while an unknown changes, as a part may be stepped before one that its outputs depend on. */
+static int refresh(Engine *e, Newton *newton, const Group *g, double t, double at)
 {
     bool changed = true;
     for (int64_t sweep = 0; changed && sweep < g->count; sweep++) {
@@ -144,6 +144,9 @@ static int refresh(Engine *e, Newton *newton, const Group *g, double t)
         for (int64_t i = g->first; i < g->first + g->count; i++) {
             EnginePart *const p = &e->parts[newton->order[i]];
             fetch_inputs(e, p);
+            for (int64_t k = e->lines_from[newton->order[i]]; at < 1.0 && k < e->lines_from[newton->order[i] + 1]; k++)
+                if (!newton->moving[k].inner)
+                    e->signals[e->lines[k].input] = value_at(&newton->moving[k], arriving(e, e->lines[k].input), at);
             int operation = SET, status = hand_over(p, e->signals);
             if (status <= 1) {
                 operation = GET;
@@ -162,13 +165,13 @@ static int refresh(Engine *e, Newton *newton, const Group *g, double t)
     return SOLVED;
 }
 
-/* Let sums of forces follow contacts at rest, whose forces at the end of a step are those that their outputs tell. */
-static int follow_rest(Engine *e, Newton *newton, const Group *g, double t)
+/* Let sums of forces follow contacts at rest, whose forces at the end of a span are those that their outputs tell. */
+static int follow_rest(Engine *e, Newton *newton, const Group *g, const Span *s)
 {
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
             if (newton->moving[k].carries && newton->moving[k].role >= HOLDING)
-                return refresh(e, newton, g, t);
+                return refresh(e, newton, g, s->t, s->to);
     return SOLVED;
 }
 
@@ -409,9 +412,10 @@ static int test(Engine *e, Newton *newton, const Group *g, const Contact *c, con
     else if (size > NO_JUMP)
         m->rigid = -1;
     const bool in_jump = force >= fmin(up, down) && force <= fmax(up, down);
-    /* a contact in motion stops only if less than its friction is needed for that */
-    const double slack = (1.0 - STOPS) * size;
-    const bool stops = m->rests || m->u0 == 0.0 || (m->u0 > 0.0 ? force <= up + slack : force >= down - slack);
+    /* a contact in motion stops only if no more than its friction, at v = 0 or on the way there, is needed for that */
+    const double slack = (1.0 - STOPS) * size, mean = 0.5 * (friction[0] + friction[1]);
+    const bool stops =
+        m->rests || m->u0 == 0.0 || (m->u0 > 0.0 ? force <= fmax(up, mean) + slack : force >= fmin(down, mean) - slack);
     m->role = by_load ? AT_REST : IN_JUMP;
     *holds = m->rigid > 0 && stops && (by_load || in_jump);
     /* in a divided step, a contact that goes on in the other direction is located, too */
@@ -420,7 +424,6 @@ static int test(Engine *e, Newton *newton, const Group *g, const Contact *c, con
         for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
             if (e->lines[k].end == load)
                 other = e->lines[k].mean;
-        const double mean = 0.5 * (friction[0] + friction[1]);
         /* the load of one of several contacts is not known, but the velocity at the end if friction acts until then */
         const double *const inverse =
             newton->work + 6 * newton->most_unknowns + newton->most_unknowns * newton->most_unknowns;

@@ -31,10 +31,8 @@ static int step_on_lines(Engine *e, int64_t index, double t, double h)
             ends = ends && begin + slope * h == l->end && (begin < 0.0) == (l->end < 0.0);
         }
     }
-    int status = hand_over(p, e->signals);
-    if (status <= 1 && interpolates)
-        status = hand_slopes_over(p);
-    if (status <= 1)
+    int status = interpolates ? move_on_slopes(p, e->signals, t, h) : hand_over(p, e->signals);
+    if (status <= 1 && !interpolates)
         status = step_part(p, t, h);
     for (const Line *l = first; l < last; l++)
         e->signals[l->input] = l->end;

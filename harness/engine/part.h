@@ -97,15 +97,6 @@ static int hand_over(EnginePart *p, const double *signals)
     return worst;
 }
 
-/* Pass on the derivatives of the Real inputs. */
-static int hand_slopes_over(EnginePart *p)
-{
-    const int direct = p->direct ? p->direct->slopes(p->component, &p->ports, p->slopes) : NOT_DIRECT;
-    return direct != NOT_DIRECT ? direct
-                                : p->set_slopes(owner_of(p), p->input_references, (size_t)count_of(p->inputs, REAL),
-                                                p->orders, p->slopes);
-}
-
 static int fetch_outputs(EnginePart *p, double *signals)
 {
     const int direct = p->direct ? p->direct->get(p->component, &p->ports, signals) : NOT_DIRECT;
@@ -135,6 +126,19 @@ static int step_part(EnginePart *p, double t, double h)
     if (direct != NOT_DIRECT)
         return direct;
     return in_python(p) ? p->call(STEP, t, h) : step_fmu(p, t, h);
+}
+
+/* Set the inputs and the derivatives of the Reals, and step. */
+static int move_on_slopes(EnginePart *p, const double *signals, double t, double h)
+{
+    const int direct = p->direct ? p->direct->move(p->component, &p->ports, signals, p->slopes, t, h) : NOT_DIRECT;
+    if (direct != NOT_DIRECT)
+        return direct;
+    const size_t reals = (size_t)count_of(p->inputs, REAL);
+    int status = hand_over(p, signals);
+    if (status <= 1)
+        status = p->set_slopes(owner_of(p), p->input_references, reals, p->orders, p->slopes);
+    return status <= 1 ? step_part(p, t, h) : status;
 }
 
 /* Save the state of an FMU, and return to it. */

@@ -110,7 +110,7 @@ static int share_again(Engine *e, Newton *newton, int64_t number, double t, doub
     for (const Contact *c = first; c < last; c++)
         holds = holds && (!velocity_of(newton, c)->rests || is_rest(velocity_of(newton, c)));
     if (shared && status == SOLVED)
-        status = refresh(e, newton, g, t);
+        status = refresh(e, newton, g, t, at);
     if (shared && holds && status == SOLVED) {
         begin_lines(e, newton, g, INNER_LINES);
         memcpy(newton->w_last + g->unknown, newton->w + g->unknown, (size_t)g->unknowns * sizeof(double));
@@ -126,7 +126,7 @@ static int restart(Engine *e, Newton *newton, int64_t number, double t)
     const Group *const g = &newton->groups[number];
     const bool sticks = newton->guards[number].jumped;
     newton->jumped = sticks; /* it may be that of another loop, or of another copy in a batch */
-    int status = refresh(e, newton, g, t);
+    int status = refresh(e, newton, g, t, 1.0);
     if (status != SOLVED)
         return status;
     begin_lines(e, newton, g, sticks ? KNOWN_LINES : ALL_LINES);

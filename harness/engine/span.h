@@ -61,11 +61,8 @@ static double mean_of(Moving *m, const Span *s)
     return (1.0 - GA_RATE) * q0 + GA_RATE * m->q1;
 }
 
-/* Return the value of an input at the end of the span. */
-static double end_of(const Moving *m, const Span *s)
-{
-    return m->inner || s->to == 1.0 ? m->u1 : m->u0 + (m->u1 - m->u0) * s->to;
-}
+/* Return the value that an input from outside of a loop has at this part of the step, if it ends at `end`. */
+static double value_at(const Moving *m, double end, double at) { return at == 1.0 ? end : m->u0 + (end - m->u0) * at; }
 
 /* Step one continuous part with inputs that vary linearly. */
 static int move_part(Engine *e, Newton *newton, int64_t index, const Span *s)
@@ -81,7 +78,7 @@ static int move_part(Engine *e, Newton *newton, int64_t index, const Span *s)
             stops = m->u0 != 0.0;
         }
         l->mean = mean_of(m, s);
-        l->end = end_of(m, s);
+        l->end = m->inner ? m->u1 : value_at(m, m->u1, s->to);
     }
     int status = step_on_lines(e, index, s->t, s->h);
     if (status <= 1 && stops) /* the end of a line has a rounding error */

@@ -246,7 +246,7 @@ static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s
         *jumped = *jumped || newton->jumped;
         *turns = *turns || (growing && status == SOLVED && turns_within(newton, g, &piece));
         if (status == SOLVED && i + 1 < n)
-            status = follow_rest(e, newton, g, piece.t);
+            status = follow_rest(e, newton, g, &piece);
         if (status == SOLVED && i + 1 < n)
             accept(e, newton, g, number, &piece);
         if ((status != SOLVED || i + 1 == n) && i > 0)

@@ -17,6 +17,7 @@
 typedef struct {
     double t, h, done; /* the step, and how much of it is completed */
     double since;      /* the last begin of another motion in it; negative: none */
+    bool slightly;     /* after a jump that is not large, as at each sample of a controller */
     int64_t tick;
 } Progress;
 
@@ -39,7 +40,7 @@ static Span next_span(const Newton *newton, int64_t number, const Progress *p, d
 static double shortest(const Newton *newton, const Progress *p, double before)
 {
     const double usual = p->h / newton->finest, first = p->h * pow(RUNG, 1 - RUNGS);
-    const double part = newton->error > 0.0 ? RUNG : SLOWER;
+    const double part = newton->error > 0.0 && p->slightly ? RUNG : SLOWER;
     const double least = p->since < 0.0 ? usual : fmin(usual, fmax(first, (p->done - p->since) / part));
     return p->done > 0.0 ? fmin(least, RUNG * before) : least;
 }
@@ -55,8 +56,11 @@ static int estimate_error(Engine *e, Newton *newton, int64_t number, Progress *p
     if (!newton->guards[number].abandoned && amplifies(newton, g, s))
         *off = fmax(*off, AMPLIFIED);
     const bool anew = begins_anew(newton, number, p->tick, s);
-    if (anew)
+    if (anew) {
+        const double jump = newton->guards[number].jump;
         p->since = p->done;
+        p->slightly = s->from == 0.0 && p->tick > 0 && jump > 0.0 && jump <= JUMP_LIMIT;
+    }
     const bool smallest = s->h <= shortest(newton, p, s->h / s->ratio);
     if (smallest)
         *off = 0.0; /* only a check can find an error of the smallest spans */
@@ -73,7 +77,7 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
     StepCheck *const guard = &newton->guards[number];
     const double smallest = ldexp(h, -MOST_HALVINGS);
     double *const proposed = &newton->proposed[number];
-    Progress p = {e->time, h, 0.0, -1.0, tick};
+    Progress p = {e->time, h, 0.0, -1.0, false, tick};
     while (p.done < h) {
         const bool varies = (newton->error > 0.0 || guard->checks_due > 0) && *proposed > 0.0;
         double piece = fmin(varies ? *proposed : h, h - p.done);
@@ -103,13 +107,13 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
             if (status == SOLVED && (checked || off == AMPLIFIED))
                 conclude(newton, number, tick, &s, off, piece <= accurate);
             if (status == SOLVED && (off <= 1.0 || piece <= accurate)) {
-                status = follow_rest(e, newton, g, s.t);
+                status = follow_rest(e, newton, g, &s);
                 if (status != SOLVED)
                     return status;
                 accept(e, newton, g, number, &end);
                 newton->substeps++;
-                if (again && splits == 0) /* the motion after a jump is soon slower */
-                    limit_steps(guard, p.since < 0.0 ? s.h : fmax(s.h, h / (RUNG * RUNG)));
+                if (again && splits == 0) /* the motion after a jump is soon slower, and an event is soon over */
+                    limit_steps(guard, fmax(s.h, h / (p.since < 0.0 ? newton->finest : RUNG * RUNG)));
                 p.done = s.to >= 1.0 ? h : p.done + piece;
                 if (splits == 0) /* 0.8 / sqrt(off) would be more than 4 below 0.04 */
                     *proposed = fmax(accurate, piece * (again         ? 1.0

@@ -35,7 +35,7 @@ _COMMON = (
 
 LOADING = threading.Lock()  # guards the working directory of all threads, which fmpy changes to load a library
 
-DIRECT_VERSION: Final = 1  # of direct.h
+DIRECT_VERSION: Final = 2  # of direct.h
 
 _POINTER = ctypes.c_void_p
 _REAL = ctypes.c_double
