@@ -160,15 +160,18 @@ def test_the_distance_to_a_stop_is_that_of_the_stribeck_curve(build_fmu: BuildFm
             assert float(result["mass.x"][-1]) == pytest.approx(expected, rel=2.5e-3)
 
 
-def test_a_mass_may_start_anywhere(build_fmu: BuildFmu) -> None:
-    """1 kg at 4 m slows down as at 0, without a warning."""
-    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu("Coulomb"))]
-    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
-    for x0 in (0.0, 4.0):
-        with System(parts, wires, {"mass.F_drive": 0.0, "mass.v0": 0.2, "mass.m": 1.0, "mass.x0": x0}) as system:
+def test_masses_may_start_anywhere(build_fmu: BuildFmu) -> None:
+    """Two of 1 kg at 4 m and 5 m slow down as one at 0, without a warning."""
+    for places in ([0.0], [4.0, 5.0]):
+        parts, wires, start = [], [], {}
+        for i, x0 in enumerate(places):
+            parts += [FmuPart(f"m{i}", build_fmu("Mass")), FmuPart(f"f{i}", build_fmu("Coulomb"))]
+            wires += [f"m{i}.v -> f{i}.v", f"f{i}.F -> m{i}.F_friction", f"m{i}.F_ext -> f{i}.F_ext"]
+            start |= {f"m{i}.F_drive": 0.0, f"m{i}.v0": 0.2, f"m{i}.m": 1.0, f"m{i}.x0": x0}
+        with System(parts, wires, start) as system:
             result = system.run(stop=0.1, step=0.01, master="newton")
-        np.testing.assert_allclose(result["mass.v"], 0.2 - result["time"], atol=1e-12)
-        assert result.attrs["substeps"] == 10
+        np.testing.assert_allclose(result["m0.v"], 0.2 - result["time"], atol=1e-12)
+        assert result.attrs["substeps"] == 10 * len(places)
         assert result.attrs["unresolved_error"] < 1e-3
 
 
