@@ -48,6 +48,8 @@ EQUIVALENT = {
     'given, but a state of this FMU has more",': ("a state without its parts is an error either way"),
     "fmu_src/composite/composite.h: const int64_t part = INPUT_PART < 0 ? 0 : INPUT_PART;  ->  const int64_t part = "
     "INPUT_PART <= 0 ? 0 : INPUT_PART;": ("the part of number 0 is 0 either way"),
+    "fmu_src/composite/composite.h: p->direct = data->functions->direct ? data->functions->direct() : NULL;  ->  "
+    "dropped": ("without direct calls a composite takes longer"),
     "fmu_src/composite/composite.h: if (size - end < sizeof inner)  ->  if (size - end <= sizeof inner)": (
         "no part has a state without bytes"
     ),
