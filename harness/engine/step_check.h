@@ -379,10 +379,9 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
     }
     guard->distance_error = 0.0;
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
-        const Moving *const a = &newton->kept_lines[c->line];
-        const bool stops = !a->rests && a->u0 != 0.0;
-        if (!stops && is_held(newton, g, e->sources[e->lines[c->line].input]))
+        if (is_held(newton, g, e->sources[e->lines[c->line].input]))
             continue;
+        const Moving *const a = &newton->kept_lines[c->line];
         const bool begins = early && a->from_rest; /* the distance is short, whatever the method */
         const double tolerated = tolerance * (begins ? AT_START : DISTANCE_FACTOR);
         const double means = fmax(fabs(whole[c->line]), fabs(halves[c->line])), path = a->path + s->h * means;
