@@ -1288,7 +1288,7 @@ static void find_holding(const Instance *c, const Group *g, bool *holds)
         holds[k->unknown] = holds[k->unknown] || m->moving[k->line].role == IN_JUMP;
 }
 
-#define STIFF 0.1 /* slope of a value over that of the residual */
+#define STIFF 0.1 /* diagonal of the inverse Jacobian of a loop that returns ten times a change */
 
 /* Return whether a change of a value comes back to it many times as large: between the ends of the tick, the forces on
    a light mass differ little on their lines, but its velocity much. */

@@ -25,7 +25,7 @@
 #define DISTANCE_FACTOR  0.25 /* factor of `step_tolerance` for the distance along a contact */
 #define PREDICTION_LIMIT 0.05 /* of the magnitude, between a value and its linear prediction */
 #define JUMP_LIMIT       0.5  /* the same, during the cooldown: at most this, */
-#define FARTHER          2.0  /* and this, over that of a step that was right */
+#define FARTHER          2.0  /* times the largest such deviation of a step that was right */
 #define LEAP             1.5  /* over the largest magnitude so far */
 #define ABANDONED        30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
 #define MOST_UNRESOLVED  40.0 /* sum of the shares of their steps */
