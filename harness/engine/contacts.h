@@ -17,6 +17,8 @@
 #define SOONEST   1e-6   /* of a step: break-away before it is at its beginning */
 #define STOPS     0.9999 /* of a step: a contact that stops after more of it stops at its end */
 #define STOPS_NOT 0.5    /* of a step that forces cannot stop within twice its length */
+#define UNEVEN    0.02   /* distance to a stop over the path: how much it may vary with the friction on the way */
+#define FEW       0.05   /* of the way to a stop: that at velocities below the first of two points */
 #define FAINT     1e-3   /* of the jump of a contact: a load that it holds */
 #define HUGE_LOAD 1e12   /* of the same: a load that it does not hold */
 #define MORE      1.001  /* of the friction at such a load: one that it does not hold either */
@@ -428,9 +430,15 @@ static int test(Engine *e, Newton *newton, const Group *g, const Contact *c, con
         const double *const inverse =
             newton->work + 6 * newton->most_unknowns + newton->most_unknowns * newton->most_unknowns;
         const int64_t row = c->unknown - g->unknown;
-        const double at = leads(m) ? m->u0 / (m->u0 - (mean - force) / inverse[row * (g->unknowns + 1)])
+        double at = leads(m) ? m->u0 / (m->u0 - (mean - force) / inverse[row * (g->unknowns + 1)])
                                    : (force - other) / (mean - other);
         *holds = *holds || (leads(m) && fabs(at - 1.0) <= 1.0 - STOPS);
+        /* two points tell the distance to the stop if friction varies little on the way */
+        const double spread = fmax(fabs(friction[0] - friction[1]), FEW * fabs((m->u0 > 0.0 ? up : down) - friction[0]));
+        const double way = 0.5 * fabs(m->u0) * at * s->h;
+        const double pull = leads(m) ? fabs(mean) : fabs(mean - other);
+        if (*holds && at > SOONEST && way * spread > UNEVEN * (m->path + way) * pull)
+            at *= 0.5;
         if (*holds && (at < -SOONEST || at > 1.0 / STOPS_NOT))
             *share = fmin(*share, STOPS_NOT);
         else if (at > SOONEST && at < STOPS)

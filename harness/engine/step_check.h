@@ -379,16 +379,18 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
     }
     guard->distance_error = 0.0;
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
-        if (is_held(newton, g, e->sources[e->lines[c->line].input]))
-            continue;
         const Moving *const a = &newton->kept_lines[c->line];
+        const bool held = is_held(newton, g, e->sources[e->lines[c->line].input]);
+        if (held && (a->rests || a->u0 == 0.0))
+            continue;
         const bool begins = early && a->from_rest; /* the distance is short, whatever the method */
         const double tolerated = tolerance * (begins ? AT_START : DISTANCE_FACTOR);
         const double means = fmax(fabs(whole[c->line]), fabs(halves[c->line])), path = a->path + s->h * means;
         const double distance_error = fmax(s->h * fabs(whole[c->line] - halves[c->line]), begins ? 0.0 : a->strayed);
         if (distance_error <= a->noise * s->h * s->h || path == 0.0)
             continue;
-        worst = fmax(worst, distance_error / (tolerated * path));
+        if (!held) /* where a mass stops, shorter steps ... */
+            worst = fmax(worst, distance_error / (tolerated * path));
         if (distance_error > farthest * path) {
             farthest = distance_error / path;
             guard->contact = c->line;

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from thorough import some
 
 from friction_fmus.blocks.catalogue import catalogue
@@ -138,6 +139,25 @@ def test_a_mass_stops_early_in_a_step(build_fmu: BuildFmu) -> None:
         result = system.run(stop=0.1, step=0.05, master="newton")
     np.testing.assert_allclose(result["mass.x"][1:], 0.5 * m * v0**2 / (Fc + 24.0), rtol=0.01)
     assert (result["mass.v"][1:] == 0.0).all()
+
+
+@pytest.mark.parametrize("master", ["newton", "adaptive"])
+@pytest.mark.parametrize("Fs", [1.5, 2.0, 10.0, 30.0])
+def test_the_distance_to_a_stop_is_that_of_the_stribeck_curve(build_fmu: BuildFmu, Fs: float, master: str) -> None:
+    """m v dv = -F dx, so x is the integral of m v/F(v) over v; 1 kg at 10 mm/s stops in the second or first step."""
+    vs, v0 = 1e-3, 0.01
+
+    def rate(v: float) -> float:
+        return v / (1.0 + (Fs - 1.0) * math.exp(-((v / vs) ** 2)))
+
+    expected, _ = quad(rate, 0.0, v0, points=[vs, 3.0 * vs])
+    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu("Stribeck"))]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
+    start = {"mass.m": 1.0, "mass.k": 0.0, "mass.v0": v0, "mass.F_drive": 0.0, "friction.Fc": 1.0, "friction.Fs": Fs}
+    with System(parts, wires, {**start, "friction.vs": vs, "friction.Fv": 0.0}) as system:
+        for step in (5e-3, 5e-2):
+            result = system.run(stop=0.1, step=step, master=master)
+            assert float(result["mass.x"][-1]) == pytest.approx(expected, rel=2.5e-3)
 
 
 def test_masses_may_start_anywhere(build_fmu: BuildFmu) -> None:
