@@ -114,7 +114,8 @@ static void measure_defects(Engine *e)
         const Defect *const force = &e->defects[p->force], *const velocity = &e->defects[p->velocity];
         const double F = force->mean, v = velocity->mean, passed = F * v * e->step;
         const double made = (force->held * v - velocity->held * F) * e->step;
-        if (fabs(v) <= 0.5 * fabs(velocity->value) && velocity->value != 0.0 && p->contact >= 0)
+        const double before = 2.0 * v - velocity->value; /* at the start of the step */
+        if (before * velocity->value <= 0.0 && velocity->value != 0.0 && p->contact >= 0)
             look_for_rest(e, p, velocity->input);
         if (p->position >= 0)
             measure_path(e, p);

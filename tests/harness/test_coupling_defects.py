@@ -46,6 +46,7 @@ def test_a_force_that_alternates_has_the_defects_of_its_sums() -> None:
         (0.3, [0.0, 0.0, 0.0, 2.0, 2.0], 1),  # leaves rest
         (0.3, [1.0, 1.0, -1.0, -1.0, -1.0], 1),  # passes it
         (0.3, [1.0, -1.0, 1.0, -1.0, 1.0], 3),  # the last is at the end of the run, beyond which no part goes
+        (0.3, [5.0, -1.0, -1.0, -1.0, -1.0], 1),  # passes it, and is slow after it
         (0.3, [1.0, 2.0, 3.0, 2.0, 1.0], 0),
         (0.3, [0.0, 0.0, 0.0, 0.0, 0.0], 0),  # stays at rest
         (1.7, [0.0, 0.0, 0.0, 2.0, 2.0], 0),  # more than static friction
