@@ -73,13 +73,13 @@ static void measure_path(const Engine *e, Pair *p)
 #define JUMP  0.05 /* of the largest force */
 #define STEPS 3.0  /* by which the whole motion may be early */
 
-/* A force that acts two steps late changes the velocity by twice the change of the acceleration that follows. Between
-   jumps this error shrinks with the acceleration. */
+/* A force that acts two steps late changes the velocity by twice the change of the acceleration that follows; one that
+   is held for a step, as under Gauss-Seidel, by once that. Between jumps this error shrinks with the acceleration. */
 static void measure_lead(Pair *p, double F, double v)
 {
     const double dF = fabs(F - p->F), dv = v - p->v1;
     if (p->jumped)
-        p->ahead += 2.0 * (dv - p->dv);
+        p->ahead += (double)p->late * (dv - p->dv);
     else if (fabs(dv) < fabs(p->dv))
         p->ahead *= fabs(dv / p->dv);
     p->strongest = fmax(p->strongest, fabs(F));

@@ -71,8 +71,8 @@ _TEXTS: Final = {
     "result is wrong; use the master newton or adaptive",
     "motion_within_steps": "%(mass)s moves within the steps, by %(value).2g of its path, in ways that its velocity at "
     "their ends does not show: the result is wrong; use the master newton or a shorter step",
-    "late_forces": "%(force)s acts two steps late where it jumps, which changes the motion by %(value).2g of its "
-    "range: the result is wrong; use the master newton or a shorter step",
+    "late_forces": "%(force)s acts %(late)s late where it jumps, which changes the motion by %(value).2g of its range: "
+    "the result is wrong; use the master newton or a shorter step",
 }
 
 
@@ -116,7 +116,7 @@ class Coupling:
             data.force, data.velocity = force, velocity
             data.contact, data.load = self._contact(self.wires[force], self.wires[velocity])
             data.position = position_of(plan, self.wires[velocity])
-            data.late = not (self._fresh[force] or self._fresh[velocity])
+            data.late = (not self._fresh[force]) + (not self._fresh[velocity])
             data.F, data.v1, data.strongest = start[force], start[velocity], abs(start[force])
             if data.position >= 0:
                 data.x, data.v = plan.signals[data.position], plan.signals[self.wires[velocity].output]
@@ -154,6 +154,7 @@ class Coupling:
             }
             names = {"force": self._shown(force), "velocity": self._shown(velocity), "times": pair.missed}
             names |= {"mass": parts[velocity.source].name, "contact": parts[pair.contact].name}
+            names["late"] = "two steps" if pair.late == 2 else "a step"
             for name, value in values.items():
                 worst[name] = max(worst[name], value)
                 if value > LIMITS[name]:
