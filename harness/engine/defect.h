@@ -70,8 +70,9 @@ static void measure_path(const Engine *e, Pair *p)
     p->v = v;
 }
 
-#define JUMP  0.05 /* of the largest force */
-#define STEPS 3.0  /* by which the whole motion may be early */
+#define JUMP   0.05 /* of the largest force */
+#define SUDDEN 0.5  /* the same under Gauss-Seidel: a force that rises over several steps is half a step late */
+#define STEPS  3.0  /* by which the whole motion may be early */
 
 /* A force that acts two steps late changes the velocity by twice the change of the acceleration that follows; one that
    is held for a step, as under Gauss-Seidel, by once that. Between jumps this error shrinks with the acceleration. */
@@ -83,7 +84,7 @@ static void measure_lead(Pair *p, double F, double v)
     else if (fabs(dv) < fabs(p->dv))
         p->ahead *= fabs(dv / p->dv);
     p->strongest = fmax(p->strongest, fabs(F));
-    p->jumped = dF > p->dF && dF > JUMP * p->strongest;
+    p->jumped = dF > p->dF && dF > (p->late > 1 ? JUMP : SUDDEN) * p->strongest;
     p->lead += p->ahead;
     p->way += v;
     p->lowest = fmin(p->lowest, p->way);
