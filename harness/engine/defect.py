@@ -17,13 +17,14 @@ from harness.units import BaseUnit, parse_unit
 
 _LOG = logging.getLogger("harness")
 
-LASTING: Final = 0.05
+LASTING: Final = 0.03
 """Tolerated rms of the persistent defect over the rms of the value. Mass and LuGre friction with steps of 10 to 100 %
-of the stability limit show 0.0005 to 0.02; above the limit they show 0.1 to 0.8."""
+of the stability limit show 0.0005 to 0.02; above the limit they show 0.1 to 0.8. In the search, 8 of 14 runs of jacobi
+that were wrong without a warning had more, and 27 of 186 that were right."""
 
 ONE_SIDED: Final = 0.15
 """The same where the other value of a force and a velocity is that of the end of the step, as under Gauss-Seidel. In
-the search, 15 runs between both limits were right, and all that were wrong had another error."""
+the search, all runs with a defect between 0.05 and this that were wrong had another error, and 15 were right."""
 
 ALTERNATING: Final = 2e-3
 """Tolerated mean of the alternating defect over the mean of the value. The same loop shows 1e-9 to 8e-4 below the
