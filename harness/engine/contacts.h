@@ -426,21 +426,22 @@ static int test(Engine *e, Newton *newton, const Group *g, const Contact *c, con
         for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
             if (e->lines[k].end == load)
                 other = e->lines[k].mean;
-        /* the load of one of several contacts is not known, but the velocity at the end if friction acts until then */
+        /* the load of one of several contacts is not known: it is the friction with which the mass would not slow down
+         */
         const double *const inverse =
             newton->work + 6 * newton->most_unknowns + newton->most_unknowns * newton->most_unknowns;
-        const int64_t row = c->unknown - g->unknown;
-        double at = leads(m) ? m->u0 / (m->u0 - (mean - force) / inverse[row * (g->unknowns + 1)])
-                                   : (force - other) / (mean - other);
+        if (leads(m))
+            other = force + m->u0 * inverse[(c->unknown - g->unknown) * (g->unknowns + 1)];
+        const double at = (force - other) / (mean - other);
         *holds = *holds || (leads(m) && fabs(at - 1.0) <= 1.0 - STOPS);
         /* two points tell the distance to the stop if friction varies little on the way */
-        const double spread = fmax(fabs(friction[0] - friction[1]), FEW * fabs((m->u0 > 0.0 ? up : down) - friction[0]));
+        const double spread =
+            fmax(fabs(friction[0] - friction[1]), FEW * fabs((m->u0 > 0.0 ? up : down) - friction[0]));
         const double way = 0.5 * fabs(m->u0) * at * s->h;
-        const double pull = leads(m) ? fabs(mean) : fabs(mean - other);
-        if (*holds && at > SOONEST && way * spread > UNEVEN * (m->path + way) * pull)
-            at *= 0.5;
         if (*holds && (at < -SOONEST || at > 1.0 / STOPS_NOT))
             *share = fmin(*share, STOPS_NOT);
+        else if (*holds && at > SOONEST && way * spread > UNEVEN * (m->path + way) * fabs(mean - other))
+            *share = fmin(*share, 0.5 * fmin(at, 1.0));
         else if (at > SOONEST && at < STOPS)
             *share = fmin(*share, at);
     }

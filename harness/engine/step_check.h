@@ -389,7 +389,7 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
         const double distance_error = fmax(s->h * fabs(whole[c->line] - halves[c->line]), begins ? 0.0 : a->strayed);
         if (distance_error <= a->noise * s->h * s->h || path == 0.0)
             continue;
-        if (!held) /* where a mass stops, shorter steps ... */
+        if (!held) /* the step was divided where a stop needs it, see contacts.h: what remains counts, but no more */
             worst = fmax(worst, distance_error / (tolerated * path));
         if (distance_error > farthest * path) {
             farthest = distance_error / path;
