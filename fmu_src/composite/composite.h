@@ -267,6 +267,7 @@ static void wire_newton(Instance *c)
         .order = part_order,
         .continuous = continuous,
         .moving = m->moving,
+        .lines = group_lines,
         .unknowns = unknown_outputs,
         .held = held_inputs,
         .held_values = m->held_values,

@@ -155,16 +155,16 @@ static void accept_contacts(const Engine *e, Newton *newton, const Group *g, con
 static void accept(const Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s)
 {
     accept_contacts(e, newton, g, s);
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            Moving *const m = &newton->moving[k];
-            if (m->inner) {
-                m->u0 = m->role == HOLDING || m->role == CHANGING ? arriving(e, e->lines[k].input) : m->u1;
-                m->q0 = m->role == FREE ? m->q1 : m->u0;
-                m->scale = fmax(m->scale, fabs(m->u1));
-                m->size = fmax(m->size, fabs(m->u1));
-            }
+    for (int64_t i = g->line; i < g->line + g->lines; i++) {
+        const int64_t k = newton->lines[i];
+        Moving *const m = &newton->moving[k];
+        if (m->inner) {
+            m->u0 = m->role == HOLDING || m->role == CHANGING ? arriving(e, e->lines[k].input) : m->u1;
+            m->q0 = m->role == FREE ? m->q1 : m->u0;
+            m->scale = fmax(m->scale, fabs(m->u1));
+            m->size = fmax(m->size, fabs(m->u1));
         }
+    }
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++) {
         const double miss = prediction_error_of(newton, j, s);
         newton->growth[j] = turns_and_grows(newton, j, s, miss) ? newton->growth[j] + 1.0 : 0.0;
@@ -190,31 +190,29 @@ static void forget_peak(double *size, double *lasting, double *at_begin, double 
     *size = fmax(*lasting, *at_begin);
 }
 
-static void forget_peaks(const Engine *e, Newton *newton, const Group *g)
+static void forget_peaks(Newton *newton, const Group *g)
 {
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            Moving *const m = &newton->moving[k];
-            forget_peak(&m->size, &m->lasting, &m->at_begin, m->u0);
-        }
+    for (int64_t i = g->line; i < g->line + g->lines; i++) {
+        Moving *const m = &newton->moving[newton->lines[i]];
+        forget_peak(&m->size, &m->lasting, &m->at_begin, m->u0);
+    }
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
         forget_peak(&newton->scale[j], &newton->lasting[j], &newton->at_begin[j], newton->w[j]);
 }
 
 /* Return the error of the means over the magnitudes of the values, estimated by comparison with the trapezoidal rule,
    which is of the same order. */
-static double error_of(const Engine *e, const Newton *newton, const Group *g, const Span *s)
+static double error_of(const Newton *newton, const Group *g, const Span *s)
 {
     double worst = 0.0;
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            const Moving *const m = &newton->moving[k];
-            if (m->inner && m->role == FREE) {
-                const double mean = (1.0 - GA_RATE) * earlier(m, s) + GA_RATE * m->q1;
-                const double error = mean - 0.5 * (m->u0 + m->u1);
-                worst = fmax(worst, error != 0.0 ? fabs(error) / fmax(m->scale, fabs(m->u1)) : 0.0);
-            }
+    for (int64_t i = g->line; i < g->line + g->lines; i++) {
+        const Moving *const m = &newton->moving[newton->lines[i]];
+        if (m->inner && m->role == FREE) {
+            const double mean = (1.0 - GA_RATE) * earlier(m, s) + GA_RATE * m->q1;
+            const double error = mean - 0.5 * (m->u0 + m->u1);
+            worst = fmax(worst, error != 0.0 ? fabs(error) / fmax(m->scale, fabs(m->u1)) : 0.0);
         }
+    }
     return worst;
 }
 

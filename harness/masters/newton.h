@@ -52,7 +52,7 @@ static int estimate_error(Engine *e, Newton *newton, int64_t number, Progress *p
 {
     const Group *const g = &newton->groups[number];
     /* at a jump the contact sticks: v = 0 within the tolerance, and the estimate is meaningless */
-    *off = newton->error > 0.0 && !newton->jumped ? error_of(e, newton, g, s) / newton->error : 0.0;
+    *off = newton->error > 0.0 && !newton->jumped ? error_of(newton, g, s) / newton->error : 0.0;
     if (!newton->guards[number].abandoned && amplifies(newton, g, s))
         *off = fmax(*off, AMPLIFIED);
     const bool anew = begins_anew(newton, number, p->tick, s);
@@ -130,7 +130,7 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
         if (status != SOLVED)
             return status;
     }
-    forget_peaks(e, newton, g);
+    forget_peaks(newton, g);
     release_limit(guard, h);
     if (p.since >= 0.0 && !guard->resolves && !guard->abandoned && guard->checks_due == 0)
         guard->checks_due = 1; /* the motion may be over within a part of the next step */

@@ -107,12 +107,13 @@ class Loops(Algorithm):
         groups = groups_of(plan, wires)
         self.order = [part for group in groups for part in group]
         place = {part: index for index, part in enumerate(self.order)}
+        self.line_order = sorted(range(len(wires)), key=lambda line: place[wires[line].target])
         group_of = {part: number for number, group in enumerate(groups) for part in group}
         unknowns: list[int] = []
         numbers: dict[int, int] = {}
         self.rows: list[ctypes.Structure] = []
         self.held: list[int] = []
-        first = 0
+        first = first_line = 0
         inner = [
             wire for wire in wires if group_of[wire.source] == group_of[wire.target] and not plan.delays[wire.input]
         ]
@@ -133,7 +134,8 @@ class Loops(Algorithm):
                     numbers[wire.output] = len(unknowns)
                     unknowns.append(wire.output)
             held = _held_inputs(plan, group, wires) if plan.parts[group[0]].moves else []
-            row = (first, len(group), bool(mine), begin, len(unknowns) - begin, len(self.held), len(held))
+            lines = sum(wire.target in group for wire in wires)
+            row = (first, len(group), bool(mine), first_line, lines, begin, len(unknowns) - begin)
             known = len(self.contacts)
             for part in group:
                 line, force, loads = contacts.get(part, (0, -1, []))
@@ -143,7 +145,9 @@ class Loops(Algorithm):
                     reads = part, wires.index(inner[line]), numbers[force], len(self.loads), len(loads)
                     position = position_of(plan, inner[line])
                     position = position if plan.names[position] in compared else -1  # it may be recorded only
-                    self.contacts.append((*reads, *(own if single else (0, 0)), position))
+                    nth = len(self.contacts) - known
+                    bit = 1 << nth if nth < MOST_CARRIED else 0
+                    self.contacts.append((*reads, *(own if single else (0, 0)), position, bit))
                     self.loads += loads
             units = dict.fromkeys(self._force_units(plan, unknowns, group), 0)
             states = [
@@ -157,9 +161,10 @@ class Loops(Algorithm):
                 for signal in range(*plan.outputs[part])
                 if signal not in driving and plan.names[signal] in compared
             ]
-            self.rows.append(Group(*row, known, len(self.contacts) - known, len(self.states), len(states)))
+            counts = len(self.held), len(held), known, len(self.contacts) - known, len(self.states), len(states)
+            self.rows.append(Group(*row, *counts))
             self.states += states
-            first += len(group)
+            first, first_line = first + len(group), first_line + lines
             self.held += held
             if mine:
                 self._check(engine, group)
@@ -198,6 +203,7 @@ class Loops(Algorithm):
         data.kept = keep(np.zeros(6 * most + most * most + 3 * len(self.wires)))
         data.group_count = len(rows)
         data.order = keep(np.array(self.order, dtype=np.int64))
+        data.lines = keep(np.array(self.line_order, dtype=np.int64))
         data.continuous = keep(np.array([part.moves for part in plan.parts], dtype=np.int64))
         data.unknowns = keep(np.array(self.unknowns, dtype=np.int64))
         data.contacts = keep(np.array(self.contacts, dtype=np.int64))
@@ -223,11 +229,12 @@ class Loops(Algorithm):
                 after.setdefault(wire.output, []).append(line)
         carried = [0] * len(self.wires)
         for group in self.rows:
-            for bit in range(min(group.contacts, MOST_CARRIED)):
-                outputs = [self.unknowns[self.contacts[group.contact + bit][2]]]
+            mine = self.contacts[group.contact : group.contact + min(group.contacts, MOST_CARRIED)]
+            for _, _, unknown, *_, bit in mine:
+                outputs = [self.unknowns[unknown]]
                 for line in (line for output in outputs for line in after.get(output, ())):
-                    wire, new = self.wires[line], not carried[line] >> bit & 1
-                    carried[line] |= 0 if wire.output == outputs[0] else 1 << bit
+                    wire, new = self.wires[line], not carried[line] & bit
+                    carried[line] |= 0 if wire.output == outputs[0] else bit
                     if new and wire.target not in contacts:
                         direct, port = parts[wire.target].dependencies, split_name(names[wire.input])[1]
                         signals = range(*self.plan.outputs[wire.target])
@@ -238,9 +245,12 @@ class Loops(Algorithm):
         """Return the first numbers of `Moving` for each line."""
         ports, names = self.plan.ports, self.plan.names
         found = []
-        for wire, unknown, carries in zip(self.wires, self.numbers, self._carried(), strict=True):
+        of_contacts = {row[2] for row in self.contacts}
+        velocities = {row[0]: row[1] for row in self.contacts}
+        for line, (wire, unknown, carries) in enumerate(zip(self.wires, self.numbers, self._carried(), strict=True)):
             mine = self.groups[next(i for i, parts in enumerate(self.groups) if wire.target in parts)]
             is_force = unit_of(ports[names[wire.output]]) in self._force_units(self.plan, self.unknowns, mine)
+            is_force = is_force or unknown in of_contacts or velocities.get(wire.target, line) != line
             found.append((int(wire in self.inner), unknown, int(is_force), carries))
         return found
 

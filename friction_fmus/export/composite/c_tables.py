@@ -259,13 +259,14 @@ class _Writer:
         groups_of_lines = [group_of[wire.target] for wire in loops.wires]
         return [
             *c_rows("Group group_data", groups, "{0}"),
-            *c_rows("Contact contact_data", contacts, "{0, 0, 0, 0, 0, 0, 0, 0}"),
+            *c_rows("Contact contact_data", contacts, "{0}"),
             *c_integers("load_inputs", loops.loads),
             *c_rows("StateOutput state_data", states, "{0, 0, 0}"),
             *c_rows("char *const loop_names", names, '""'),
             *c_integers("line_groups", groups_of_lines),
             *c_rows("char *const line_names", lines, '""'),
             *c_integers("part_order", loops.order),
+            *c_integers("group_lines", loops.line_order),
             *c_integers("continuous", [part.moves for part in plan.parts]),
             *c_integers("unknown_outputs", loops.unknowns),
             *c_integers("held_inputs", loops.held),
