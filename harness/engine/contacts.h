@@ -8,7 +8,7 @@
 #ifndef CONTACTS_H
 #define CONTACTS_H
 
-#include "side_by_side.h"
+#include "contact.h"
 
 #define SOONEST   1e-6   /* of a step: break-away before it is at its beginning */
 #define STOPS     0.9999 /* of a step: a contact that stops after more of it stops at its end */
@@ -69,15 +69,11 @@ static int refresh(Engine *e, Newton *newton, const Group *g, double t, double a
             for (int64_t k = e->lines_from[newton->order[i]]; at < 1.0 && k < e->lines_from[newton->order[i] + 1]; k++)
                 if (!newton->moving[k].inner)
                     e->signals[e->lines[k].input] = value_at(&newton->moving[k], arriving(e, e->lines[k].input), at);
-            int operation = SET, status = hand_over(p, e->signals);
-            if (status <= 1) {
-                operation = GET;
-                status = fetch_outputs(p, e->signals);
-            }
-            if (status > 1) {
-                failed(e, newton->order[i], operation, status, t);
+            int status = outcome(e, newton->order[i], SET, hand_over(p, e->signals), t);
+            if (status == SOLVED)
+                status = outcome(e, newton->order[i], GET, fetch_outputs(p, e->signals), t);
+            if (status != SOLVED)
                 return status;
-            }
             set_at_rest(e, newton, g); /* before a contact at rest reads its velocity */
         }
         changed = false;
@@ -247,12 +243,12 @@ static int test(Engine *e, Newton *newton, const Group *g, const Contact *c, con
         trial->holds = true;
         return SOLVED;
     }
-    double again = 0.0;
-    int status = stopping ? face(e, newton, c, s, (0.5 - GAUSS) * m->u0, &trial->slow) : SOLVED;
-    if (stopping && status == SOLVED)
-        status = face(e, newton, c, s, (0.5 + GAUSS) * m->u0, &trial->fast);
-    if (status == SOLVED)
-        status = probe(e, newton, c, s, &trial->up, &trial->down, &again);
+    int status = SOLVED;
+    trial->up = face(e, newton, c, s, BESIDE, &status);
+    trial->down = face(e, newton, c, s, -BESIDE, &status);
+    trial->slow = stopping ? face(e, newton, c, s, (0.5 - GAUSS) * m->u0, &status) : 0.0;
+    trial->fast = stopping ? face(e, newton, c, s, (0.5 + GAUSS) * m->u0, &status) : 0.0;
+    face(e, newton, c, s, 0.0, &status); /* which remains the output */
     if (status != SOLVED)
         return status;
     const double least = fmin(trial->up, trial->down), most = fmax(trial->up, trial->down);

@@ -46,8 +46,8 @@ typedef struct {
 /* An output of a loop that depends on no input directly and drives none in the loop, such as the position of a mass.
    The position within a step is the integral of what the forces do, not of the line of the velocity. */
 typedef struct {
-    int64_t output, line; /* a line to its part, to which errors are attributed */
-    int64_t unit;         /* of those in the loop; 0: that of the force of a contact */
+    int64_t output;
+    int64_t unit; /* of those in the loop; 0: that of the force of a contact */
 } StateOutput;
 
 typedef struct {

@@ -28,6 +28,15 @@ enum { SOLVED = 0, NOT_CONVERGED = 101, BREAKS_AWAY, MOST_EVALUATIONS = 60, MOST
 #define MOST_HALVINGS 20
 #endif
 
+/* Return SOLVED, or the status with which a part failed in an operation, and keep it for the message. */
+static int outcome(Engine *e, int64_t part, int operation, int status, double t)
+{
+    if (status <= 1)
+        return SOLVED;
+    failed(e, part, operation, status, t);
+    return status;
+}
+
 /* Part of a step: from t to t + h, the fraction [from, to] of the whole step. */
 typedef struct {
     double t, h, from, to;
@@ -64,6 +73,17 @@ static double mean_of(Moving *m, const Span *s)
 /* Return the value that an input from outside of a loop has at this part of the step, if it ends at `end`. */
 static double value_at(const Moving *m, double end, double at) { return at == 1.0 ? end : m->u0 + (end - m->u0) * at; }
 
+/* Step a part along its lines and read its outputs; `again`: at the end of the lines, which has a rounding error. */
+static int follow_lines(Engine *e, int64_t index, const Span *s, bool again)
+{
+    int status = step_on_lines(e, index, s->t, s->h);
+    if (status <= 1 && again)
+        status = hand_over(&e->parts[index], e->signals);
+    if (status <= 1)
+        status = fetch_outputs(&e->parts[index], e->signals);
+    return outcome(e, index, STEP, status, s->t);
+}
+
 /* Step one continuous part with inputs that vary linearly. */
 static int move_part(Engine *e, Newton *newton, int64_t index, const Span *s)
 {
@@ -80,14 +100,7 @@ static int move_part(Engine *e, Newton *newton, int64_t index, const Span *s)
         l->mean = mean_of(m, s);
         l->end = m->inner ? m->u1 : value_at(m, m->u1, s->to);
     }
-    int status = step_on_lines(e, index, s->t, s->h);
-    if (status <= 1 && stops) /* the end of a line has a rounding error */
-        status = hand_over(&e->parts[index], e->signals);
-    if (status <= 1)
-        status = fetch_outputs(&e->parts[index], e->signals);
-    if (status > 1)
-        failed(e, index, STEP, status, s->t);
-    return status;
+    return follow_lines(e, index, s, stops);
 }
 
 static inline const Contact *contacts_of(const Newton *newton, const Group *g) { return newton->contacts + g->contact; }
@@ -98,13 +111,10 @@ static int evaluate(Engine *e, Newton *newton, const Group *g, const Span *s, bo
 {
     for (int64_t i = g->first; i < g->first + g->count; i++) {
         const int64_t index = newton->order[i];
-        int status = again ? restore_part(&e->parts[index]) : 0;
-        if (status > 1) {
-            failed(e, index, RESTORE, status, s->t);
-            return status;
-        }
-        status = move_part(e, newton, index, s);
-        if (status > 1)
+        int status = again ? outcome(e, index, RESTORE, restore_part(&e->parts[index]), s->t) : SOLVED;
+        if (status == SOLVED)
+            status = move_part(e, newton, index, s);
+        if (status != SOLVED)
             return status;
     }
     newton->evaluations++;
@@ -116,7 +126,7 @@ static int evaluate(Engine *e, Newton *newton, const Group *g, const Span *s, bo
         const double size = newton->r[j] == 0.0 ? 0.0 : scale > 0.0 ? fabs(newton->r[j]) / scale : INFINITY;
         *norm = size >= *norm ? size : isnan(size) ? INFINITY : *norm;
     }
-    for (const Contact *c = newton->contacts + g->contact; c < newton->contacts + g->contact + g->contacts; c++) {
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         const Moving *const m = &newton->moving[c->line];
         if (is_rest(m))
             newton->r[c->unknown] = m->leader < 0 ? arriving(e, e->lines[c->line].input)
@@ -218,14 +228,10 @@ static double error_of(const Newton *newton, const Group *g, const Span *s)
 
 static int save_loop(Engine *e, const Newton *newton, const Group *g, double t)
 {
-    for (int64_t i = g->first; i < g->first + g->count; i++) {
-        const int status = save_part(&e->parts[newton->order[i]]);
-        if (status > 1) {
-            failed(e, newton->order[i], SAVE, status, t);
-            return status;
-        }
-    }
-    return SOLVED;
+    int status = SOLVED;
+    for (int64_t i = g->first; i < g->first + g->count && status == SOLVED; i++)
+        status = outcome(e, newton->order[i], SAVE, save_part(&e->parts[newton->order[i]]), t);
+    return status;
 }
 
 #endif

@@ -33,18 +33,8 @@
 #define FED_BACK   (-1.25)    /* diagonal of the inverse Jacobian if a fifth of a change of a value comes back to it */
 #define AMPLIFIED  4.0        /* ratio of error to tolerance that an amplified value counts as */
 #define NEGLIGIBLE 1e-6       /* holding force over the largest force of a contact in the loop */
-enum {
-    CHECK_EVERY = 512,
-    CHECK_SOON = 16,
-    CONFIRMATIONS = 4,
-    LONGEST_COOLDOWN = 64,
-    SOON = 16,
-    EARLY = 8,
-    MOST_RECURRENCES = 8,
-    RUNGS = 8,
-    PART_OF_STEP = 1,
-    WHOLE_STEP = 2
-};
+enum { CHECK_EVERY = 512, CHECK_SOON = 16, CONFIRMATIONS = 4, LONGEST_COOLDOWN = 64, SOON = 16, EARLY = 8 };
+enum { MOST_RECURRENCES = 8, RUNGS = 8, PART_OF_STEP = 1, WHOLE_STEP = 2 };
 #define GROWTHS 3.0
 
 /* Return whether a check is scheduled: at the ticks 0, 1, 2, 4, 8, every 16 ticks up to 512 ticks after the start or
@@ -221,19 +211,6 @@ typedef struct {
     Span last;
 } Pieces;
 
-/* Return a piece of a span that begins after the part `done` of it; `before`: the length of the piece before. */
-static Span piece_of(const Span *s, const Pieces *pieces, int i, double done, double before)
-{
-    const bool last = i + 1 == pieces->count;
-    const double end = part_after(i, pieces->count, pieces->growing), share = end - done;
-    return (Span){s->t + done * s->h,
-                  last ? s->h - done * s->h : share * s->h,
-                  s->from + done * (s->to - s->from),
-                  last ? s->to : s->from + end * (s->to - s->from),
-                  i == 0 ? share * s->ratio : share / before,
-                  false};
-}
-
 /* Solve the span again, in pieces. */
 static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s, Pieces *pieces)
 {
@@ -246,7 +223,14 @@ static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s
         pieces->means[k] = 0.0;
     for (int i = 0; i < n && status == SOLVED; i++) {
         const double end = part_after(i, n, pieces->growing), share = end - done;
-        const Span piece = pieces->last = piece_of(s, pieces, i, done, before);
+        const bool last = i + 1 == n;
+        const Span piece = {s->t + done * s->h,
+                            last ? s->h - done * s->h : share * s->h,
+                            s->from + done * (s->to - s->from),
+                            last ? s->to : s->from + end * (s->to - s->from),
+                            i == 0 ? share * s->ratio : share / before,
+                            false};
+        pieces->last = piece;
         if (i == 1)
             swap_loop(e, newton, g); /* the state at the start of the span is still needed */
         if (i > 0)
@@ -261,11 +245,11 @@ static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s
         }
         pieces->jumped = pieces->jumped || newton->jumped;
         pieces->turns = pieces->turns || (pieces->growing && status == SOLVED && turns_within(newton, g, &piece));
-        if (status == SOLVED && i + 1 < n)
+        if (status == SOLVED && !last)
             status = follow_rest(e, newton, g, &piece);
-        if (status == SOLVED && i + 1 < n)
+        if (status == SOLVED && !last)
             accept(e, newton, g, number, &piece);
-        if ((status != SOLVED || i + 1 == n) && i > 0)
+        if ((status != SOLVED || last) && i > 0)
             swap_loop(e, newton, g);
         done = end;
         before = share;
@@ -460,19 +444,6 @@ static bool resolves(const Newton *newton, const Group *g, const double *within,
     return true;
 }
 
-/* Keep a solved span, to which its halves are compared: the means of its lines and its states. */
-static void keep_whole(const Engine *e, Newton *newton, int64_t number, const Span *s, double *means)
-{
-    const Group *const g = &newton->groups[number];
-    for (int64_t k = 0; k < e->lines_from[e->part_count]; k++)
-        means[k] = e->lines[k].mean;
-    for (int64_t i = g->state; i < g->state + g->states; i++)
-        newton->kept_states[i] = e->signals[newton->states[i].output];
-    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
-        velocity_of(newton, c)->strayed = strayed(e, newton, c, s);
-    keep(e, newton, g, number, false);
-}
-
 /* Compare a solved span with its halves and raise *off to the difference. Halves in a divided step that differ by no
    more than tolerated, or of the `smallest` span, become the solution, and *end their last piece; but not where a
    contact stops, as a stop is located in whole spans only. Else the span stays solved. */
@@ -487,7 +458,13 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
     const bool jumped = newton->jumped, finer = anew || turns_within(newton, g, s);
     Pieces pieces = {finer ? pieces_of(length) : 2, finer, whole + lines, whole + 2 * lines, false, false, *s};
 
-    keep_whole(e, newton, number, s, whole);
+    for (int64_t k = 0; k < lines; k++)
+        whole[k] = e->lines[k].mean;
+    for (int64_t i = g->state; i < g->state + g->states; i++)
+        newton->kept_states[i] = e->signals[newton->states[i].output];
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        velocity_of(newton, c)->strayed = strayed(e, newton, c, s);
+    keep(e, newton, g, number, false);
     int status = anew && tick == 0 ? measure_noise(e, newton, g, number, s) : SOLVED;
     if (status != SOLVED && status != 2)
         return status;
@@ -500,18 +477,13 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
     else if (anew)
         guard->resolves = length < 1.0 ? PART_OF_STEP : WHOLE_STEP;
     const double part = smallest ? 1.0 : share_of_tolerance(s);
-    const Comparison by = {.span = s,
-                           .whole = whole,
-                           .halves = pieces.means,
-                           .jumped = jumped || pieces.jumped,
-                           .early = tick < EARLY && guard->resolves == WHOLE_STEP,
-                           .part = part,
-                           .tolerance = part * newton->step_tolerance,
-                           .strength = strength_of(newton, g)};
+    const bool early = tick < EARLY && guard->resolves == WHOLE_STEP, any_jump = jumped || pieces.jumped;
+    const Comparison by = {
+        s, whole, pieces.means, any_jump, early, part, part * newton->step_tolerance, strength_of(newton, g)};
     *off = fmax(*off, failed_halves ? INFINITY : difference(e, newton, number, &by));
     *off = pieces.turns ? fmax(*off, TURNED) : *off;
     guard->checks++;
-    const bool smooth = !finer && !failed_halves && !by.jumped, right = *off <= 1.0 || smallest;
+    const bool smooth = !finer && !failed_halves && !any_jump, right = *off <= 1.0 || smallest;
     if (newton->error == 0.0 && length < 1.0 && smooth && right) {
         *end = pieces.last;
         return SOLVED;

@@ -163,17 +163,12 @@ static bool advance_group(Engine *e, Newton *newton, int64_t number, int64_t tic
     }
     if (!is_due(e, p, tick))
         return true;
-    fetch_inputs(e, p);
-    int status = hand_over(p, e->signals);
-    if (status > 1)
-        return failed(e, index, SET, status, t);
     double begin = 0.0, length = 0.0;
     interval_of(e, p, tick, &begin, &length);
-    status = step_part(p, begin, length);
-    if (status > 1)
-        return failed(e, index, STEP, status, t);
-    status = fetch_outputs(p, e->signals);
-    return status <= 1 || failed(e, index, GET, status, t);
+    fetch_inputs(e, p);
+    return outcome(e, index, SET, hand_over(p, e->signals), t) == SOLVED &&
+           outcome(e, index, STEP, step_part(p, begin, length), t) == SOLVED &&
+           outcome(e, index, GET, fetch_outputs(p, e->signals), t) == SOLVED;
 }
 
 EXPORT bool newton_tick(Engine *e, int64_t tick);

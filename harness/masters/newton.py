@@ -59,12 +59,8 @@ MOST_CARRIED: Final = 62
 OF_A_MASS: Final = 3
 """Most outputs without direct dependency of a single mass: position, velocity, and position of the support or force."""
 
-Moving = mirror("Moving")
-Contact = mirror("Contact")
-Group = mirror("Group")
-StateOutput = mirror("StateOutput")
-StepCheck = mirror("StepCheck")
-NewtonData = mirror("Newton")
+Moving, Contact, Group, StateOutput = (mirror(name) for name in ("Moving", "Contact", "Group", "StateOutput"))
+StepCheck, NewtonData = mirror("StepCheck"), mirror("Newton")
 
 
 def groups_of(plan: Plan, wires: Sequence[MovingWire]) -> list[list[int]]:
@@ -107,7 +103,7 @@ class Loops(Algorithm):
         groups = groups_of(plan, wires)
         self.order = [part for group in groups for part in group]
         place = {part: index for index, part in enumerate(self.order)}
-        self.line_order = sorted(range(len(wires)), key=lambda line: place[wires[line].target])
+        self.lines = sorted(range(len(wires)), key=lambda line: place[wires[line].target])
         group_of = {part: number for number, group in enumerate(groups) for part in group}
         unknowns: list[int] = []
         numbers: dict[int, int] = {}
@@ -123,7 +119,7 @@ class Loops(Algorithm):
         forces = {contact[1] for contact in contacts.values() if contact[2]}
         self.contacts: list[tuple[int, ...]] = []
         self.loads: list[int] = []
-        self.states: list[tuple[int, int, int]] = []
+        self.states: list[tuple[int, int]] = []
         driving = {wire.output for wire in inner}
         compared = set(state_outputs({part.name: part for part in plan.parts}))
         for number, group in enumerate(groups):
@@ -151,11 +147,7 @@ class Loops(Algorithm):
                     self.loads += loads
             units = dict.fromkeys(self._force_units(plan, unknowns, group), 0)
             states = [
-                (
-                    signal,
-                    next(i for i, wire in enumerate(wires) if wire in inner and wire.target == part),
-                    units.setdefault(unit_of(plan.ports[plan.names[signal]]), 1 + len(units)),
-                )
+                (signal, units.setdefault(unit_of(plan.ports[plan.names[signal]]), 1 + len(units)))
                 for part in group
                 if mine
                 for signal in range(*plan.outputs[part])
@@ -166,8 +158,12 @@ class Loops(Algorithm):
             self.states += states
             first, first_line = first + len(group), first_line + lines
             self.held += held
-            if mine:
-                self._check(engine, group)
+            for part in group:
+                if mine and not plan.parts[part].saves:
+                    raise ExperimentError(
+                        f"'{plan.parts[part].name}' is part of a loop and cannot save its state: "
+                        "use the master gauss-seidel or jacobi"
+                    )
         self.groups, self.plan = groups, plan
         self.unknowns, self.inner, self.wires = unknowns, inner, wires
         self._engine, self._tolerance, self._error, self._step_tolerance = engine, tolerance, error, step_tolerance
@@ -195,22 +191,17 @@ class Loops(Algorithm):
         places = Moving * max(1, len(self.wires))
         self._arrays = (
             (Group * len(rows))(*rows),
-            places(*(Moving(*row) for row in self.lines())),
+            places(*(Moving(*row) for row in self.line_data())),
             (StepCheck * len(rows))(),
             places(),
         )
         data.groups, data.moving, data.guards, data.kept_lines = (ctypes.addressof(array) for array in self._arrays)
         data.kept = keep(np.zeros(6 * most + most * most + 3 * len(self.wires)))
         data.group_count = len(rows)
-        data.order = keep(np.array(self.order, dtype=np.int64))
-        data.lines = keep(np.array(self.line_order, dtype=np.int64))
+        for name in ("order", "lines", "unknowns", "contacts", "loads", "states", "held"):
+            setattr(data, name, keep(np.array(getattr(self, name), dtype=np.int64)))
         data.continuous = keep(np.array([part.moves for part in plan.parts], dtype=np.int64))
-        data.unknowns = keep(np.array(self.unknowns, dtype=np.int64))
-        data.contacts = keep(np.array(self.contacts, dtype=np.int64))
-        data.loads = keep(np.array(self.loads, dtype=np.int64))
-        data.states = keep(np.array(self.states, dtype=np.int64))
         data.kept_states = keep(np.zeros(len(self.states)))
-        data.held = keep(np.array(self.held, dtype=np.int64))
         for name, array in self._memory.items():
             setattr(data, name, keep(array))
         data.r, data.work = keep(np.zeros(n)), keep(np.zeros(7 * most + 2 * most * most))
@@ -241,7 +232,7 @@ class Loops(Algorithm):
                         outputs += [signal for signal in signals if port in direct[split_name(names[signal])[1]]]
         return carried
 
-    def lines(self) -> list[tuple[int, int, int, int]]:
+    def line_data(self) -> list[tuple[int, int, int, int]]:
         """Return the first numbers of `Moving` for each line."""
         ports, names = self.plan.ports, self.plan.names
         found = []
@@ -306,11 +297,3 @@ class Loops(Algorithm):
             f"its residual is {self.data.worst_residual:.2g} of the size of the values; look for a part whose outputs "
             "do not settle"
         )
-
-    def _check(self, engine: Engine, group: Sequence[int]) -> None:
-        for part in group:
-            if not engine.plan.parts[part].saves:
-                raise ExperimentError(
-                    f"'{engine.plan.parts[part].name}' is part of a loop and cannot save its state: "
-                    "use the master gauss-seidel or jacobi"
-                )
