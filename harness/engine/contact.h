@@ -199,17 +199,6 @@ static const Contact *leader_of(const Engine *e, const Newton *newton, const Gro
     return is_rest(velocity_of(newton, c)) && count > 1 && width(newton, leader) != 0.0 ? leader : NULL;
 }
 
-/* Set the force of a contact to that of its leader, f, as base + slope f. */
-static void follow(const Engine *e, Newton *newton, const Contact *c, const Contact *leader)
-{
-    Moving *const m = velocity_of(newton, c);
-    const int64_t a = e->lines[c->line].input, b = e->lines[leader->line].input;
-    const bool opposite = e->gains && e->gains[a] * e->gains[b] < 0.0;
-    m->leader = leader->unknown;
-    m->slope = (opposite ? -1.0 : 1.0) * width(newton, c) / width(newton, leader);
-    m->base = (opposite ? m->high : m->low) - m->slope * velocity_of(newton, leader)->low;
-}
-
 /* Divide the force that holds a mass between contacts beside one another. */
 static int divide(Engine *e, Newton *newton, const Group *g, const Span *s, bool *divided)
 {
@@ -231,8 +220,13 @@ static int divide(Engine *e, Newton *newton, const Group *g, const Span *s, bool
         m->leader = -1;
         if (!leader)
             m->low = m->high = 0.0;
-        else if (leader != c)
-            follow(e, newton, c, leader);
+        else if (leader != c) { /* whose force f gives the one of this contact, base + slope f */
+            const int64_t a = e->lines[c->line].input, b = e->lines[leader->line].input;
+            const bool opposite = e->gains && e->gains[a] * e->gains[b] < 0.0;
+            m->leader = leader->unknown;
+            m->slope = (opposite ? -1.0 : 1.0) * width(newton, c) / width(newton, leader);
+            m->base = (opposite ? m->high : m->low) - m->slope * velocity_of(newton, leader)->low;
+        }
     }
     return SOLVED;
 }

@@ -125,12 +125,18 @@ static double correct(Newton *newton, const Group *g, const double *inverse)
     return most;
 }
 
+/* Return the inverse Jacobian of the equations of contacts at rest. */
+static double *inverse_at_rest(const Newton *newton)
+{
+    return newton->work + 6 * newton->most_unknowns + newton->most_unknowns * newton->most_unknowns;
+}
+
 /* Solve for the forces with which the contacts at rest stay at v = 0. */
 static int solve_at_rest(Engine *e, Newton *newton, const Group *g, const Span *s, bool again)
 {
-    const int64_t n = g->unknowns, most = newton->most_unknowns;
-    double *const r = newton->r + g->unknown, *const r0 = newton->work + 2 * most;
-    double *const inverse = newton->work + 6 * most + most * most, norm = 0.0;
+    const int64_t n = g->unknowns;
+    double *const r = newton->r + g->unknown, *const r0 = newton->work + 2 * newton->most_unknowns;
+    double *const inverse = inverse_at_rest(newton), norm = 0.0;
     for (int64_t j = g->unknown; j < g->unknown + n; j++)
         newton->w[j] = newton->w_last[j] + newton->trend[j] * s->h;
     bool divided = false;
@@ -176,29 +182,11 @@ static double load_near(const Engine *e, const Newton *newton, const Contact *c,
 /* What is known of a contact that is held in a solution. */
 typedef struct {
     bool holds;
-    double rest;             /* friction at v = 0 */
-    double limit;            /* the force at which it breaks away */
-    double share;            /* of the span, until it stops */
+    double limit, share;     /* the force at which it breaks away; the part of the span after which it stops */
     double load;             /* at the end of the span; INFINITY if it is not an input */
-    double up, down;         /* friction beside v = 0 */
+    double rest, up, down;   /* friction at v = 0 and beside it */
     double slow, fast, mean; /* friction at the points of Gauss on the way to a stop */
 } Trial;
-
-/* Return the mean load of a contact in the span, in the direction of its friction. */
-static double mean_load(const Engine *e, const Newton *newton, const Group *g, const Contact *c, const Trial *trial)
-{
-    const Moving *const m = velocity_of(newton, c);
-    double load = isfinite(trial->load) ? trial->load : trial->rest;
-    if (leads(m)) { /* unknown, but it is the friction with which the mass would not slow down */
-        const double *const inverse =
-            newton->work + 6 * newton->most_unknowns + newton->most_unknowns * newton->most_unknowns;
-        return newton->w[c->unknown] + m->u0 * inverse[(c->unknown - g->unknown) * (g->unknowns + 1)];
-    }
-    for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
-        if (e->lines[k].end == trial->load)
-            load = e->lines[k].mean;
-    return load;
-}
 
 /* Set the part of the span after which mean friction and the load stop a contact in motion. If they cannot, or if two
    points are too few for the distance on the way, as on a steep Stribeck curve, a shorter span is solved first. */
@@ -206,8 +194,14 @@ static void locate_stop(const Engine *e, const Newton *newton, const Group *g, c
                         Trial *trial)
 {
     const Moving *const m = velocity_of(newton, c);
-    const double load = mean_load(e, newton, g, c, trial), net = trial->mean - load;
-    const double at = (newton->w[c->unknown] - load) / net;
+    const double force = newton->w[c->unknown];
+    double load = isfinite(trial->load) ? trial->load : trial->rest; /* its mean */
+    for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
+        if (e->lines[k].end == trial->load)
+            load = e->lines[k].mean;
+    if (leads(m)) /* it is unknown, but equal to the friction with which the mass would not slow down */
+        load = force + m->u0 * inverse_at_rest(newton)[(c->unknown - g->unknown) * (g->unknowns + 1)];
+    const double net = trial->mean - load, at = (force - load) / net;
     trial->holds = trial->holds || (leads(m) && fabs(at - 1.0) <= 1.0 - STOPS);
     const double last = m->u0 > 0.0 ? trial->up : trial->down, way = 0.5 * fabs(m->u0) * at * s->h;
     const double varies = fmax(fabs(trial->slow - trial->fast), FEW * fabs(last - trial->slow));
@@ -269,24 +263,11 @@ static int test(Engine *e, Newton *newton, const Group *g, const Contact *c, con
     return SOLVED;
 }
 
-/* Hold the contacts in motion that may jump. Return whether there is one. */
-static bool hold_others(const Engine *e, Newton *newton, const Group *g)
-{
-    bool held = false;
-    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
-        if (!is_rest(velocity_of(newton, c)) && velocity_of(newton, c)->rigid >= 0) {
-            hold(e, newton, g, c);
-            held = true;
-        }
-    return held;
-}
-
 /* Result of an attempt to hold contacts. */
 typedef struct {
-    bool changed; /* another contact is held, or one less: the forces must be solved for again */
-    bool held;    /* a contact holds */
-    bool changes; /* one stops, or is held within its jump */
-    double share; /* of the span, until the first of them stops or breaks away */
+    bool changed;       /* another contact is held, or one less: the forces must be solved for again */
+    bool held, changes; /* a contact holds; one stops, or is held within its jump */
+    double share;       /* of the span, until the first of them stops or breaks away */
 } Attempt;
 
 /* Keep a contact at rest if it holds, else let it go. */
@@ -328,12 +309,17 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
     for (int64_t tries = 0; tries <= 2 * g->contacts; tries++, again = true) {
         int status = solve_at_rest(e, newton, g, s, again);
         newton->turns = false;
+        Attempt attempt = {.share = 1.0};
         if (status == NOT_CONVERGED) { /* it may be another contact that stops */
-            if (tries == 0 && hold_others(e, newton, g))
+            for (const Contact *c = first; c < last && tries == 0; c++)
+                if (!is_rest(velocity_of(newton, c)) && velocity_of(newton, c)->rigid >= 0) {
+                    hold(e, newton, g, c);
+                    attempt.changed = true;
+                }
+            if (attempt.changed)
                 continue;
             break;
         }
-        Attempt attempt = {.share = 1.0};
         for (const Contact *c = first; c < last && status == SOLVED; c++) {
             const Moving *const m = velocity_of(newton, c);
             const bool passes = m->rigid >= 0 && m->u0 * m->u1 < 0.0;
@@ -395,22 +381,15 @@ static bool hold_resting(const Engine *e, Newton *newton, const Group *g)
     return held;
 }
 
-/* Return whether no contact may jump. */
-static bool is_smooth(const Newton *newton, const Group *g)
-{
-    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
-        if (velocity_of(newton, c)->rigid >= 0)
-            return false;
-    return true;
-}
-
 /* Solve a step: with the contacts at rest that may be, else in motion; and again with those at rest that pass v = 0. If
    they do not stop together, one alone may: forces that stop both in a step can be far from those that stop one. */
 static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s, bool again)
 {
-    if (is_smooth(newton, g))
+    bool rests = false, smooth = true;
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        smooth = smooth && velocity_of(newton, c)->rigid < 0;
+    if (smooth)
         return iterate(e, newton, g, number, s, again);
-    bool rests = false;
     newton->jumped = false;
     const bool tried = hold_resting(e, newton, g);
     int status = tried ? solve_held(e, newton, g, s, again, &rests) : SOLVED;

@@ -201,28 +201,35 @@ static int pieces_of(double part)
     return n;
 }
 
-/* The pieces in which a span is solved again. */
+/* A solved span, and the pieces in which it is solved again. */
 typedef struct {
-    int count;
-    bool growing;       /* each is `RUNG` times as long as those before it together */
-    double *means;      /* of the lines over all pieces, */
-    double *within;     /* and their values at the end of the last piece but one */
-    bool jumped, turns; /* a solution lies at a jump; the velocity of a contact may have passed 0 twice */
-    Span last;
-} Pieces;
+    const Span *span;
+    double *whole, *halves; /* means of the lines over it, and over all pieces */
+    double *within;         /* values of the lines at the end of the last piece but one */
+    int count;              /* of the pieces */
+    bool growing;           /* each is `RUNG` times as long as those before it together */
+    bool jumped; /* a solution lies at a jump: the unknown is the holding force, and only its mean counts; the values
+                    beyond the jump are rounding errors */
+    bool turns;  /* the velocity of a contact may have passed 0 twice in a piece */
+    bool early;  /* the values are small, and may be off by more */
+    double part, tolerance; /* of its step, over which the mean counts; tolerated difference over the magnitude */
+    double strength;        /* largest force of a contact */
+    Span last;              /* piece */
+} Comparison;
 
-/* Solve the span again, in pieces. */
-static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s, Pieces *pieces)
+/* Solve the span again, in by. */
+static int solve_pieces(Engine *e, Newton *newton, int64_t number, Comparison *by)
 {
+    const Span *const s = by->span;
     const Group *const g = &newton->groups[number];
     const int64_t lines = e->lines_from[e->part_count];
-    const int n = pieces->count;
+    const int n = by->count;
     double done = 0.0, before = 1.0; /* part of the span; length of the last piece over that of the span before */
     int status = SOLVED;
     for (int64_t k = 0; k < lines; k++)
-        pieces->means[k] = 0.0;
+        by->halves[k] = 0.0;
     for (int i = 0; i < n && status == SOLVED; i++) {
-        const double end = part_after(i, n, pieces->growing), share = end - done;
+        const double end = part_after(i, n, by->growing), share = end - done;
         const bool last = i + 1 == n;
         const Span piece = {s->t + done * s->h,
                             last ? s->h - done * s->h : share * s->h,
@@ -230,7 +237,7 @@ static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s
                             last ? s->to : s->from + end * (s->to - s->from),
                             i == 0 ? share * s->ratio : share / before,
                             false};
-        pieces->last = piece;
+        by->last = piece;
         if (i == 1)
             swap_loop(e, newton, g); /* the state at the start of the span is still needed */
         if (i > 0)
@@ -240,11 +247,11 @@ static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s
         if (status == SOLVED)
             status = solve(e, newton, g, number, &piece, i == 0);
         for (int64_t k = 0; k < lines; k++) {
-            pieces->means[k] += share * e->lines[k].mean;
-            pieces->within[k] = i == n - 2 ? newton->moving[k].u1 : pieces->within[k];
+            by->halves[k] += share * e->lines[k].mean;
+            by->within[k] = i == n - 2 ? newton->moving[k].u1 : by->within[k];
         }
-        pieces->jumped = pieces->jumped || newton->jumped;
-        pieces->turns = pieces->turns || (pieces->growing && status == SOLVED && turns_within(newton, g, &piece));
+        by->jumped = by->jumped || newton->jumped;
+        by->turns = by->turns || (by->growing && status == SOLVED && turns_within(newton, g, &piece));
         if (status == SOLVED && !last)
             status = follow_rest(e, newton, g, &piece);
         if (status == SOLVED && !last)
@@ -319,18 +326,6 @@ static double largest_of_unit(const Newton *newton, const Group *g, int64_t unit
     return most;
 }
 
-/* A span, its halves, and what is tolerated between them. */
-typedef struct {
-    const Span *span;
-    const double *whole, *halves; /* means of the lines */
-    bool jumped; /* a solution lies at a jump: the unknown is the holding force, and only its mean counts; the values
-                    beyond the jump are rounding errors */
-    bool early;  /* values are small and tolerated to be off by more */
-    double part; /* of its step, over which the mean counts */
-    double tolerance; /* of a value, over its magnitude */
-    double strength;  /* largest force of a contact */
-} Comparison;
-
 /* Return the larger ratio of a difference to the tolerated one; one that is not a number is infinite. */
 static double worse(double worst, double off) { return off <= worst ? worst : isnan(off) ? INFINITY : off; }
 
@@ -377,9 +372,8 @@ static double compare_states(const Engine *e, const Newton *newton, const Group 
         const double whole = newton->kept_states[i], halves = e->signals[state->output], apart = fabs(whole - halves);
         if (rounding.held || apart <= rounding.noise * h * h)
             continue;
-        const double least = state->unit == 0 ? EQUAL * by->strength
-                             : rounding.rests ? NEGLIGIBLE * largest_of_unit(newton, g, state->unit)
-                                              : 0.0;
+        const double beside = rounding.rests ? largest_of_unit(newton, g, state->unit) : 0.0;
+        const double least = state->unit == 0 ? EQUAL * by->strength : NEGLIGIBLE * beside;
         const double size = fmax(fmax(newton->state_sizes[i], least), fmax(fabs(whole), fabs(halves)));
         worst = worse(worst, apart / (tolerated * size));
     }
@@ -456,7 +450,21 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
     double *const whole = newton->kept + 6 * most + most * most, norm = 0.0;
     const double before = newton->before[number], length = s->to - s->from;
     const bool jumped = newton->jumped, finer = anew || turns_within(newton, g, s);
-    Pieces pieces = {finer ? pieces_of(length) : 2, finer, whole + lines, whole + 2 * lines, false, false, *s};
+    const double part = smallest ? 1.0 : share_of_tolerance(s);
+    const int count = finer ? pieces_of(length) : 2;
+    Comparison by = {s,
+                     whole,
+                     whole + lines,
+                     whole + 2 * lines,
+                     count,
+                     finer,
+                     jumped,
+                     false,
+                     false,
+                     part,
+                     part * newton->step_tolerance,
+                     0.0,
+                     *s};
 
     for (int64_t k = 0; k < lines; k++)
         whole[k] = e->lines[k].mean;
@@ -468,24 +476,22 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
     int status = anew && tick == 0 ? measure_noise(e, newton, g, number, s) : SOLVED;
     if (status != SOLVED && status != 2)
         return status;
-    status = solve_pieces(e, newton, number, s, &pieces);
+    status = solve_pieces(e, newton, number, &by);
     const bool failed_halves = status == NOT_CONVERGED || status == 2;
     if (status != SOLVED && !failed_halves)
         return status;
-    if (anew && (failed_halves || !resolves(newton, g, pieces.within, tick == 0)))
+    if (anew && (failed_halves || !resolves(newton, g, by.within, tick == 0)))
         guard->resolves = 0;
     else if (anew)
         guard->resolves = length < 1.0 ? PART_OF_STEP : WHOLE_STEP;
-    const double part = smallest ? 1.0 : share_of_tolerance(s);
-    const bool early = tick < EARLY && guard->resolves == WHOLE_STEP, any_jump = jumped || pieces.jumped;
-    const Comparison by = {
-        s, whole, pieces.means, any_jump, early, part, part * newton->step_tolerance, strength_of(newton, g)};
+    by.early = tick < EARLY && guard->resolves == WHOLE_STEP;
+    by.strength = strength_of(newton, g);
     *off = fmax(*off, failed_halves ? INFINITY : difference(e, newton, number, &by));
-    *off = pieces.turns ? fmax(*off, TURNED) : *off;
+    *off = by.turns ? fmax(*off, TURNED) : *off;
     guard->checks++;
-    const bool smooth = !finer && !failed_halves && !any_jump, right = *off <= 1.0 || smallest;
+    const bool smooth = !finer && !failed_halves && !by.jumped, right = *off <= 1.0 || smallest;
     if (newton->error == 0.0 && length < 1.0 && smooth && right) {
-        *end = pieces.last;
+        *end = by.last;
         return SOLVED;
     }
     keep(e, newton, g, number, true);
