@@ -450,22 +450,12 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
     double *const whole = newton->kept + 6 * most + most * most, norm = 0.0;
     const double before = newton->before[number], length = s->to - s->from;
     const bool jumped = newton->jumped, finer = anew || turns_within(newton, g, s);
-    const double part = smallest ? 1.0 : share_of_tolerance(s);
-    const int count = finer ? pieces_of(length) : 2;
-    Comparison by = {s,
-                     whole,
-                     whole + lines,
-                     whole + 2 * lines,
-                     count,
-                     finer,
-                     jumped,
-                     false,
-                     false,
-                     part,
-                     part * newton->step_tolerance,
-                     0.0,
-                     *s};
-
+    Comparison by = {.span = s, .whole = whole, .growing = finer, .jumped = jumped};
+    by.halves = whole + lines;
+    by.within = by.halves + lines;
+    by.count = finer ? pieces_of(length) : 2;
+    by.part = smallest ? 1.0 : share_of_tolerance(s);
+    by.tolerance = by.part * newton->step_tolerance;
     for (int64_t k = 0; k < lines; k++)
         whole[k] = e->lines[k].mean;
     for (int64_t i = g->state; i < g->state + g->states; i++)

@@ -105,8 +105,7 @@ class Loops(Algorithm):
         place = {part: index for index, part in enumerate(self.order)}
         self.lines = sorted(range(len(wires)), key=lambda line: place[wires[line].target])
         group_of = {part: number for number, group in enumerate(groups) for part in group}
-        unknowns: list[int] = []
-        numbers: dict[int, int] = {}
+        numbers: dict[int, int] = {}  # of the unknowns, by the output that each stands for
         self.rows: list[ctypes.Structure] = []
         self.held: list[int] = []
         first = first_line = 0
@@ -117,6 +116,8 @@ class Loops(Algorithm):
             part: contact for part in range(len(plan.parts)) if (contact := contact_of(plan, part, inner)) is not None
         }
         forces = {contact[1] for contact in contacts.values() if contact[2]}
+        unsolved = {wire for wire in inner if place[wire.source] >= place[wire.target] or wire.output in forces}
+        self.force_lines: set[int] = set()
         self.contacts: list[tuple[int, ...]] = []
         self.loads: list[int] = []
         self.states: list[tuple[int, int]] = []
@@ -124,15 +125,15 @@ class Loops(Algorithm):
         compared = set(state_outputs({part.name: part for part in plan.parts}))
         for number, group in enumerate(groups):
             mine = [wire for wire in inner if group_of[wire.source] == number]
-            begin = len(unknowns)
+            begin = len(numbers)
             for wire in mine:
-                if (place[wire.source] >= place[wire.target] or wire.output in forces) and wire.output not in numbers:
-                    numbers[wire.output] = len(unknowns)
-                    unknowns.append(wire.output)
+                if wire in unsolved:
+                    numbers.setdefault(wire.output, len(numbers))
             held = _held_inputs(plan, group, wires) if plan.parts[group[0]].moves else []
-            lines = sum(wire.target in group for wire in wires)
-            row = (first, len(group), bool(mine), first_line, lines, begin, len(unknowns) - begin)
+            lines = [line for line, wire in enumerate(wires) if wire.target in group]
+            row = (first, len(group), bool(mine), first_line, len(lines), begin, len(numbers) - begin)
             known = len(self.contacts)
+            units: dict[BaseUnit | None, int] = {}  # 0: of the force of a contact
             for part in group:
                 line, force, loads = contacts.get(part, (0, -1, []))
                 if force in numbers:
@@ -145,7 +146,12 @@ class Loops(Algorithm):
                     bit = 1 << nth if nth < MOST_CARRIED else 0
                     self.contacts.append((*reads, *(own if single else (0, 0)), position, bit))
                     self.loads += loads
-            units = dict.fromkeys(self._force_units(plan, unknowns, group), 0)
+                    self.force_lines |= {i for i in lines if wires[i].target == part and i != reads[1]}
+                    self.force_lines |= {i for i in lines if wires[i] in unsolved and wires[i].output == force}
+                    units[unit_of(plan.ports[plan.names[force]])] = 0
+            units.pop(None, None)
+            of_force = {i for i in lines if units.get(unit_of(plan.ports[plan.names[wires[i].output]])) == 0}
+            self.force_lines |= of_force
             states = [
                 (signal, units.setdefault(unit_of(plan.ports[plan.names[signal]]), 1 + len(units)))
                 for part in group
@@ -156,7 +162,7 @@ class Loops(Algorithm):
             counts = len(self.held), len(held), known, len(self.contacts) - known, len(self.states), len(states)
             self.rows.append(Group(*row, *counts))
             self.states += states
-            first, first_line = first + len(group), first_line + lines
+            first, first_line = first + len(group), first_line + len(lines)
             self.held += held
             for part in group:
                 if mine and not plan.parts[part].saves:
@@ -165,14 +171,9 @@ class Loops(Algorithm):
                         "use the master gauss-seidel or jacobi"
                     )
         self.groups, self.plan = groups, plan
-        self.unknowns, self.inner, self.wires = unknowns, inner, wires
+        self.unknowns, self.inner, self.wires = list(numbers), inner, wires
         self._engine, self._tolerance, self._error, self._step_tolerance = engine, tolerance, error, step_tolerance
-        self.numbers = [
-            numbers[wire.output]
-            if wire in inner and (place[wire.source] >= place[wire.target] or wire.output in forces)
-            else -1
-            for wire in wires
-        ]
+        self.numbers = [numbers[wire.output] if wire in unsolved else -1 for wire in wires]
 
     def begin(self) -> None:
         """Begin a run at the start values of the plan."""
@@ -234,20 +235,9 @@ class Loops(Algorithm):
 
     def line_data(self) -> list[tuple[int, int, int, int]]:
         """Return the first numbers of `Moving` for each line."""
-        ports, names = self.plan.ports, self.plan.names
-        found = []
-        of_contacts = {row[2] for row in self.contacts}
-        velocities = {row[0]: row[1] for row in self.contacts}
-        for line, (wire, unknown, carries) in enumerate(zip(self.wires, self.numbers, self._carried(), strict=True)):
-            mine = self.groups[next(i for i, parts in enumerate(self.groups) if wire.target in parts)]
-            is_force = unit_of(ports[names[wire.output]]) in self._force_units(self.plan, self.unknowns, mine)
-            is_force = is_force or unknown in of_contacts or velocities.get(wire.target, line) != line
-            found.append((int(wire in self.inner), unknown, int(is_force), carries))
-        return found
-
-    def _force_units(self, plan: Plan, unknowns: Sequence[int], group: Sequence[int]) -> set[BaseUnit | None]:
-        """Return the units of the forces of the contacts in a loop."""
-        return {unit_of(plan.ports[plan.names[unknowns[row[2]]]]) for row in self.contacts if row[0] in group} - {None}
+        inner, forces = set(self.inner), self.force_lines
+        rows = enumerate(zip(self.wires, self.numbers, self._carried(), strict=True))
+        return [(int(wire in inner), unknown, int(i in forces), carries) for i, (wire, unknown, carries) in rows]
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:
         """Return the values kept from step to step for a checkpoint, as views of the data."""
