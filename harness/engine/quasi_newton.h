@@ -169,7 +169,7 @@ static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, co
     double *const w = newton->w + g->unknown, *const r = newton->r + g->unknown;
     double *const inverse = newton->inverse + number * most * most;
     double *const w0 = newton->work, *const r0 = w0 + most, *const step = r0 + most, *const change = step + most;
-    Bracket bracket = {{0.0, 0.0}, INFINITY, {false, false}, 0.0, 0.0, 0.0, {0.0, 0.0}, 0.0, 0.0, 0.0, -1, false};
+    Bracket bracket = {.width = INFINITY, .outer = -1};
     double norm = 0.0;
     const double inverse_before = inverse[0], fine = newton->tolerance * share_of_tolerance(s);
 

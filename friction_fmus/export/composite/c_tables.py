@@ -255,15 +255,12 @@ class _Writer:
         states = [f"    {{{output}, {unit}}}," for output, unit in loops.states]
         names = [f"    {c_string(_brief(loops.shown(number)))}," for number in range(len(loops.rows))]
         lines = [f"    {c_string(f'{plan.names[wire.output]} -> {plan.names[wire.input]}')}," for wire in loops.wires]
-        group_of = {part: number for number, group in enumerate(loops.groups) for part in group}
-        groups_of_lines = [group_of[wire.target] for wire in loops.wires]
         return [
             *c_rows("Group group_data", groups, "{0}"),
             *c_rows("Contact contact_data", contacts, "{0}"),
             *c_integers("load_inputs", loops.loads),
             *c_rows("StateOutput state_data", states, "{0}"),
             *c_rows("char *const loop_names", names, '""'),
-            *c_integers("line_groups", groups_of_lines),
             *c_rows("char *const line_names", lines, '""'),
             *c_integers("part_order", loops.order),
             *c_integers("group_lines", loops.lines),
