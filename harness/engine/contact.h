@@ -140,9 +140,8 @@ static double largest_held(Engine *e, const Newton *newton, const Contact *c, co
                            int *status)
 {
     double good = faint, bad = faint / FAINT * HUGE_LOAD, rest = 0.0;
-    const bool all = answers(e, newton, c, s, load, bad, &rest, status);
-    if (all ||
-        answers(e, newton, c, s, load, rest, &rest, status)) /* most models return their limit if it is exceeded */
+    const bool all = answers(e, newton, c, s, load, bad, &rest, status); /* else, most models return their limit */
+    if (all || answers(e, newton, c, s, load, rest, &rest, status))
         good = fabs(rest) > fabs(good) ? rest : good;
     bool more = !all && answers(e, newton, c, s, load, good * MORE, &rest, status);
     for (int tries = 0; more && tries < MOST_BISECTIONS && fabs(bad) > (1.0 + 1e-14) * fabs(good); tries++) {
@@ -181,10 +180,7 @@ static int find_range(Engine *e, Newton *newton, const Group *g, const Contact *
     return status;
 }
 
-static double width(const Newton *newton, const Contact *c)
-{
-    return velocity_of(newton, c)->high - velocity_of(newton, c)->low;
-}
+static double width(const Moving *m) { return m->high - m->low; }
 
 /* Return the contact that holds most of those at rest beside this one; NULL: it is alone, or none holds anything. */
 static const Contact *leader_of(const Engine *e, const Newton *newton, const Group *g, const Contact *c)
@@ -193,10 +189,10 @@ static const Contact *leader_of(const Engine *e, const Newton *newton, const Gro
     int64_t count = 0;
     for (const Contact *d = contacts_of(newton, g); d < contacts_of(newton, g) + g->contacts; d++)
         if (is_rest(velocity_of(newton, d)) && is_beside(e, c, d)) {
-            leader = !leader || width(newton, d) > width(newton, leader) ? d : leader;
+            leader = !leader || width(velocity_of(newton, d)) > width(velocity_of(newton, leader)) ? d : leader;
             count++;
         }
-    return is_rest(velocity_of(newton, c)) && count > 1 && width(newton, leader) != 0.0 ? leader : NULL;
+    return is_rest(velocity_of(newton, c)) && count > 1 && width(velocity_of(newton, leader)) != 0.0 ? leader : NULL;
 }
 
 /* Divide the force that holds a mass between contacts beside one another. */
@@ -221,11 +217,12 @@ static int divide(Engine *e, Newton *newton, const Group *g, const Span *s, bool
         if (!leader)
             m->low = m->high = 0.0;
         else if (leader != c) { /* whose force f gives the one of this contact, base + slope f */
+            const Moving *const one = velocity_of(newton, leader);
             const int64_t a = e->lines[c->line].input, b = e->lines[leader->line].input;
             const bool opposite = e->gains && e->gains[a] * e->gains[b] < 0.0;
             m->leader = leader->unknown;
-            m->slope = (opposite ? -1.0 : 1.0) * width(newton, c) / width(newton, leader);
-            m->base = (opposite ? m->high : m->low) - m->slope * velocity_of(newton, leader)->low;
+            m->slope = (opposite ? -1.0 : 1.0) * width(m) / width(one);
+            m->base = (opposite ? m->high : m->low) - m->slope * one->low;
         }
     }
     return SOLVED;

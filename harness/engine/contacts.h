@@ -111,16 +111,11 @@ static double correct(Newton *newton, const Group *g, const double *inverse)
     memcpy(scale, newton->scale + g->unknown, (size_t)n * sizeof(double));
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
         scale[c->unknown - g->unknown] = strength;
-    for (int64_t i = 0; i < n; i++) {
-        step[i] = 0.0;
-        for (int64_t j = 0; j < n; j++)
-            step[i] -= inverse[i * n + j] * newton->r[g->unknown + j];
-    }
+    newton_step(step, inverse, newton->r + g->unknown, n);
     for (int64_t i = 0; i < n; i++) {
         w[i] += step[i];
         const double size = fmax(scale[i], scale[i] > 0.0 ? fabs(w[i]) : 0.0);
-        const double moved = size > 0.0 ? fabs(step[i]) / size : 0.0;
-        most = moved <= most ? most : isnan(moved) ? INFINITY : moved;
+        most = worse(most, size > 0.0 ? fabs(step[i]) / size : 0.0);
     }
     return most;
 }

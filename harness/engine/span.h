@@ -28,6 +28,9 @@ enum { SOLVED = 0, NOT_CONVERGED = 101, BREAKS_AWAY, MOST_EVALUATIONS = 60, MOST
 #define MOST_HALVINGS 20
 #endif
 
+/* Return the larger of two ratios of errors; one that is not a number is infinite. */
+static double worse(double worst, double off) { return off <= worst ? worst : isnan(off) ? INFINITY : off; }
+
 /* Return SOLVED, or the status with which a part failed in an operation, and keep it for the message. */
 static int outcome(Engine *e, int64_t part, int operation, int status, double t)
 {
@@ -124,7 +127,7 @@ static int evaluate(Engine *e, Newton *newton, const Group *g, const Span *s, bo
         const double scale = fmax(newton->scale[j], fmin(fabs(newton->w[j]), fabs(G)));
         newton->r[j] = G - newton->w[j];
         const double size = newton->r[j] == 0.0 ? 0.0 : scale > 0.0 ? fabs(newton->r[j]) / scale : INFINITY;
-        *norm = size >= *norm ? size : isnan(size) ? INFINITY : *norm;
+        *norm = worse(*norm, size);
     }
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         const Moving *const m = &newton->moving[c->line];

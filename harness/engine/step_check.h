@@ -326,9 +326,6 @@ static double largest_of_unit(const Newton *newton, const Group *g, int64_t unit
     return most;
 }
 
-/* Return the larger ratio of a difference to the tolerated one; one that is not a number is infinite. */
-static double worse(double worst, double off) { return off <= worst ? worst : isnan(off) ? INFINITY : off; }
-
 /* Return the largest difference of a line over the tolerated one. Keep the largest error that would remain: the mean
    counts over the whole step, of which the span is a part. An instantaneous event, such as a mass that stops, is never
    resolved, but does not matter in a span that is short enough. */
