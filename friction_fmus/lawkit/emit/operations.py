@@ -2,7 +2,7 @@
 
 import math
 import struct
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi
@@ -41,6 +41,15 @@ class Node:
     def is_leaf(self) -> bool:
         """Whether it is computed wherever it is used: an argument, a number, an index or a brief expression."""
         return self.brief or self.operation in ("CONST", "INPUT", "INDEX")
+
+
+def needed_for(nodes: Sequence[Node], results: Iterable[int]) -> set[int]:
+    """Return the nodes on which results depend."""
+    found = set(results)
+    for number in range(len(nodes) - 1, -1, -1):
+        if number in found:
+            found.update(nodes[number].arguments)
+    return found
 
 
 def graph(function: Function) -> tuple[list[Node], list[int]]:
