@@ -112,12 +112,8 @@ class Identification:
     settings: InverseModelSettings | None = None
     position: PositionFit | None = None
 
-    def __repr__(self) -> str:
-        return identification_text(self)
-
-    def _repr_html_(self) -> str:
-        """Return the parameters as HTML, for a notebook."""
-        return identification_html(self)
+    __repr__ = identification_text
+    _repr_html_ = identification_html
 
     def values(self) -> dict[str, float]:
         """Return the parameter values without standard errors, including fixed parameters.
