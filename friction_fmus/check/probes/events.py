@@ -1,7 +1,7 @@
 """Probes of model exchange: events, states, derivatives, event indicators, and the order of calls."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from ctypes import byref, c_double, c_int, c_size_t, c_uint
 from functools import partial
 from typing import Any, Final
@@ -11,7 +11,6 @@ from .fmi2_library import (
     OK,
     WARNING,
     EventInfo,
-    ProbedVariable,
     RawExchange,
     RawInstance,
     RawLibrary,
@@ -139,12 +138,6 @@ def history(library: RawLibrary, report: Report) -> None:
 # ---- derivatives
 
 
-def _inputs(library: RawLibrary) -> Iterator[ProbedVariable]:
-    for v in library.variables:
-        if v.type == "Real" and v.causality == "input" and v.variability == "continuous":
-            yield v
-
-
 @probe(only=_ONLY)
 def directional(library: RawLibrary, report: Report) -> None:
     """Check directional derivatives of the state derivatives against differences, where these are smooth."""
@@ -163,7 +156,7 @@ def directional(library: RawLibrary, report: Report) -> None:
         settings: list[tuple[str, int, float, float, Callable[[float], object]]] = []
         for k, row in enumerate(rows):
             settings.append((row["state"], row["state_reference"], x[k], scale[k], _state_setter(run, t, x, k)))
-        for v in _inputs(library):
+        for v in library.continuous("input"):
             _, value = run.read_status(v)
             settings.append((v.name, v.reference, value, v.nominal, partial(run.write_status, v)))
         for name, reference, value, size, set_to in settings:

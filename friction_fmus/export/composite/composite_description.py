@@ -12,7 +12,7 @@ from lxml import etree
 
 from friction_fmus.export.composite.composite_interface import CompositeVariable, PartCode, reinitialised, states
 from friction_fmus.fmi.html_page import page, row, table
-from friction_fmus.fmi.model_description import LOG_CATEGORIES, declare_traits, icon_root
+from friction_fmus.fmi.model_description import LOG_CATEGORIES, declare_traits, icon_root, shortest
 from harness.errors import BuildError
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Part
@@ -236,7 +236,7 @@ def composite_description(
     times = {"startTime": experiment.start, "stopTime": experiment.stop, "stepSize": experiment.step}
     if experiment.tolerance:
         times["tolerance"] = experiment.tolerance
-    etree.SubElement(root, "DefaultExperiment", {name: _number(value) for name, value in times.items()})
+    etree.SubElement(root, "DefaultExperiment", {name: shortest(value) for name, value in times.items()})
     declare_traits(root)
     listed = etree.SubElement(root, "ModelVariables")
     places = {variable.name: i for i, variable in enumerate(variables, start=1)}
@@ -308,10 +308,6 @@ def _flag(value: bool) -> str:
     return "true" if value else "false"
 
 
-def _number(value: float) -> str:
-    return repr(float(value)).removesuffix(".0")
-
-
 def _units(root: etree._Element, fmus: Iterable[FmuPart], variables: Sequence[CompositeVariable]) -> None:
     used = dict.fromkeys(variable.port.unit for variable in variables if variable.port.unit)
     stated: dict[str, Any] = {}
@@ -334,13 +330,13 @@ def _units(root: etree._Element, fmus: Iterable[FmuPart], variables: Sequence[Co
         if base is not None:
             powers = zip(BASE_SYMBOLS, base.exponents, strict=True)
             attributes = {name: str(power) for name, power in powers if power}
-            attributes |= {"factor": _number(base.factor)} if base.factor != 1.0 else {}
-            attributes |= {"offset": _number(base.offset)} if base.offset != 0.0 else {}
+            attributes |= {"factor": shortest(base.factor)} if base.factor != 1.0 else {}
+            attributes |= {"offset": shortest(base.offset)} if base.offset != 0.0 else {}
             etree.SubElement(element, "BaseUnit", attributes)
         for display in stated[unit].displayUnits if unit in stated else ():
-            attributes = {"name": display.name, "factor": _number(float(display.factor))}
+            attributes = {"name": display.name, "factor": shortest(display.factor)}
             if float(display.offset):
-                attributes["offset"] = _number(float(display.offset))
+                attributes["offset"] = shortest(display.offset)
             etree.SubElement(element, "DisplayUnit", attributes)
 
 
@@ -381,7 +377,7 @@ def _variable(
         start = {} if variable.start is None else {"start": _flag(bool(variable.start))}
         etree.SubElement(scalar, "Boolean", start)
         return
-    convert: Callable[[float], str] = _number if port.type == "Real" else lambda value: str(int(value))
+    convert: Callable[[float], str] = shortest if port.type == "Real" else lambda value: str(int(value))
     typed: dict[str, str] = {}
     if variable.type_name in types:
         typed["declaredType"] = str(variable.type_name)
