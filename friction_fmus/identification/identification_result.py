@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,9 +25,6 @@ from friction_fmus.identification.methods.free_run import FREE_RUN, START, free_
 from friction_fmus.listings import identification_html, identification_text
 from harness import Parameter, ParameterSet, write_ssv
 from harness.storage.files import atomic_path
-
-if TYPE_CHECKING:
-    pass
 
 MEASURED, PREDICTED = "#7f8c8d", "#c0392b"
 
