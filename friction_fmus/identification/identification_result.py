@@ -156,8 +156,7 @@ class Identification:
         if segment.a is None:
             return segment.predicted(F, 0.0, values.get("OF", 0.0))
         total = F + values.get("M", 0.0) * segment.a + values.get("OF", 0.0) + force_beside(values, segment)
-        found: Array = total / values.get("gain", 1.0) - known_force(self, segment)
-        return found
+        return total / values.get("gain", 1.0) - known_force(self, segment)
 
     def compare(self, record: Record) -> tuple[Array, Array]:
         """Return measured and predicted signal of a record, filtered as in the fit.
