@@ -8,7 +8,7 @@ from dataclasses import fields, is_dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from harness.notebook import Listing, counted, html_table
+from harness.notebook import Listing, counted
 
 if TYPE_CHECKING:
     from friction_fmus.identification.identification_result import Identification
@@ -26,8 +26,8 @@ def identification_text(result: Identification) -> str:
 
 def identification_html(result: Identification) -> str:
     """Return the parameters of an identification as a table."""
-    weak = html_table("Poorly identifiable", ("parameter", "because"), [*result.weak.items()])
-    return parameter_listing(result).html() + (weak if result.weak else "")
+    weak = Listing("Poorly identifiable", ("parameter", "because"), [*result.weak.items()])
+    return parameter_listing(result).html() + (weak.html() if result.weak else "")
 
 
 def parameter_listing(result: Identification) -> Listing:
@@ -54,8 +54,8 @@ def comparison_text(comparison: ModelComparison) -> str:
 
 def comparison_html(comparison: ModelComparison) -> str:
     """Return the models of a comparison as a table, best first."""
-    failed = html_table("Not identified", ("model", "reason"), [*comparison.failed.items()])
-    return ranking_listing(comparison).html() + (failed if comparison.failed else "")
+    failed = Listing("Not identified", ("model", "reason"), [*comparison.failed.items()])
+    return ranking_listing(comparison).html() + (failed.html() if comparison.failed else "")
 
 
 def ranking_listing(comparison: ModelComparison) -> Listing:
@@ -93,7 +93,7 @@ def study_html(result: StudyResult) -> str:
         f"<p><strong>Recommendation: {escape(_recommended(result))}</strong></p>"
         f"<p>{escape(result.recommendation.reason)}</p>"
         f"{model_listing(result).html()}{compensator_listing(result).html()}"
-        f"{html_table('Without a rank', ('name', 'note'), left) if left else ''}"
+        f"{Listing('Without a rank', ('name', 'note'), left).html() if left else ''}"
     )
 
 

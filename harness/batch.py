@@ -14,9 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harness.compiling.engine_library import library, mirror
-from harness.engine.algorithm import attach_lines
-from harness.engine.manipulate import Manipulations
-from harness.engine.native import NOT_CONVERGED, Engine
+from harness.engine.algorithm import Recorder, Ticks
 from harness.errors import ExperimentError, HarnessError, StartValueError, UnknownNameError, nearest
 from harness.masters import find_master
 from harness.parts.callable_part import CallablePart
@@ -73,9 +71,7 @@ class _Engine:
         schedule = master.schedule(plan, experiment)
         check_loops(parts, wires, implicit=schedule.implicit)
         self._initialisation = Initialisation(plan, self._system, experiment, self._guard, open_end=True)
-        self.engine, self._lines = Engine(plan, schedule.operations), schedule.lines
-        self._algorithm = schedule.algorithm(self.engine) if schedule.algorithm else None
-        self._manipulations = Manipulations(plan, schedule, ())
+        self._ticks = Ticks(plan, schedule, (), measured=False)
         for part in parts.values():
             if isinstance(part, FmuPart):
                 part.reuse = True
@@ -90,18 +86,11 @@ class _Engine:
             part.starts |= {name: float(values[name]) for name in part.starts.keys() & values.keys()}
         with self._guard.running():
             self._initialisation.start({**self._system.start, **values})
-        engine, algorithm = self.engine, self._algorithm
-        engine.begin(np.empty((1, 0)), (), 1)
-        self._manipulations.begin()
-        self._manipulations.attach(engine)
-        if self._lines:
-            attach_lines(engine, self._lines)
-        memory = self._manipulations.memory()
-        if algorithm:
-            algorithm.begin()
-            memory |= algorithm.memory()
+        self._ticks.begin(Recorder(self._plan, (), 1))
         places = [
-            (row.ctypes.data, row.nbytes) for array in memory.values() for row in (array if array.ndim > 1 else [array])
+            (row.ctypes.data, row.nbytes)
+            for array in self._ticks.memory.values()
+            for row in (array if array.ndim > 1 else [array])
         ]
         places.append((self._plan.signals.ctypes.data, 8 * int(self._plan.inputs.max(initial=len(self._plan.signals)))))
         places += self._places(varied)
@@ -114,7 +103,7 @@ class _Engine:
     def _places(self, varied: Collection[str]) -> list[tuple[int, int]]:
         """Return what steps may change of each FMU, and the parameters of the varied ones."""
         found = []
-        for part, native in zip(self._plan.parts, self.engine.parts, strict=True):
+        for part, native in zip(self._plan.parts, self._ticks.engine.parts, strict=True):
             if isinstance(part, HeldInputs):
                 continue
             if not native.direct:
@@ -135,20 +124,16 @@ class _Engine:
         data.size = batch._states.shape[1]
         data.states, data.ticks, data.steps = batch._states.ctypes.data, batch._ticks.ctypes.data, steps
         data.inputs, data.outputs = inputs.ctypes.data, batch.values.ctypes.data
-        run = library().engine_batch
-        while (first := run(ctypes.addressof(self.engine.data), ctypes.addressof(data), first, last)) < last:
+        run, engine = library().engine_batch, ctypes.addressof(self._ticks.engine.data)
+        while (first := run(engine, ctypes.addressof(data), first, last)) < last:
             errors[first] = self._failure(batch, inputs[first])
             first += 1
         return errors
 
     def _failure(self, batch: Batch, row: Values) -> Exception:
-        data = self.engine.data
+        data = self._ticks.engine.data
         if data.status != _NOT_A_NUMBER:
-            error = (
-                self._algorithm.failure(int(data.failed_part), float(data.failed_time))
-                if self._algorithm and data.status == NOT_CONVERGED
-                else self.engine.failure()
-            )
+            error = self._ticks.failure()
             assert isinstance(error, Exception)
             return error
         number = int(data.failed_part)
@@ -156,7 +141,7 @@ class _Engine:
 
     def close(self) -> None:
         """Free the instances and unload the FMUs."""
-        self.engine.end()
+        self._ticks.close()
         for part in self._system.parts.values():
             part.terminate()
             part.close()

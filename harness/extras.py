@@ -77,7 +77,4 @@ def lazy_names(package: str) -> tuple[Callable[[str], object], Callable[[], list
         setattr(sys.modules[package], name, value)
         return value
 
-    def lister() -> list[str]:
-        return sorted(sys.modules[package].__all__)
-
-    return getter, lister
+    return getter, lambda: sorted(sys.modules[package].__all__)

@@ -41,11 +41,6 @@ class Listing:
         return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
-def html_table(caption: str, headings: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Return an HTML table."""
-    return Listing(caption, headings, rows).html()
-
-
 def counted(number: int, noun: str) -> str:
     """Return a number with its noun: ``1 part``, ``2 parts``."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
@@ -64,7 +59,8 @@ def part_html(part: Part) -> str:
         for noun in ("input", "output", "parameter")
         for port in getattr(part, f"{noun}s")
     ]
-    return html_table(f"{type(part).__name__} {part.name}", ("variable", "kind", "start", "unit", "meaning"), rows)
+    headings = ("variable", "kind", "start", "unit", "meaning")
+    return Listing(f"{type(part).__name__} {part.name}", headings, rows).html()
 
 
 def system_text(system: System) -> str:
@@ -81,18 +77,15 @@ def system_html(system: System) -> str:
     ports = {
         f"{name}.{port.name}": port for name, part in system.parts.items() for port in (*part.inputs, *part.parameters)
     }
+    wires = [(wire.source, wire.target, wire.gain, wire.offset) for wire in system.wires]
     tables = [
-        html_table(f"System {system.name}", ("part", "kind", "inputs", "outputs"), parts),
-        html_table(
-            _connections(system),
-            ("from", "to", "gain", "offset"),
-            [(wire.source, wire.target, wire.gain, wire.offset) for wire in system.wires],
-        ),
+        Listing(f"System {system.name}", ("part", "kind", "inputs", "outputs"), parts),
+        Listing(_connections(system), ("from", "to", "gain", "offset"), wires),
     ]
     if system.start:
         values = [(name, value, _unit(ports[name]) if name in ports else "") for name, value in system.start.items()]
-        tables.append(html_table("Start values", ("variable", "value", "unit"), values))
-    return "".join(tables)
+        tables.append(Listing("Start values", ("variable", "value", "unit"), values))
+    return "".join(table.html() for table in tables)
 
 
 def _connections(system: System) -> str:

@@ -31,7 +31,7 @@ def __getattr__(name: str) -> object:
 # the space before the bracket distinguishes a unit, "x [m]", from an index, "k[1]"
 _HEADING: Final = re.compile(r"\s*(?P<name>.+?)(?:\s+\[(?P<unit>[^\[\]]*)\])?\s*")
 _FORMULA: Final = re.compile(r"'*[=+\-@\t\r]")
-_DTYPES: Final = {"Real": np.float64, "Integer": np.int64, "Boolean": np.bool_}
+DTYPES: Final = {"Real": np.float64, "Integer": np.int64, "Boolean": np.bool_}
 
 
 def make_result(
@@ -45,7 +45,7 @@ def make_result(
         attrs = {"units": port.unit, "description": port.description}
         values = rows[:, index]
         if port.type != "Real" and np.isfinite(values).all():
-            values = values.astype(_DTYPES[port.type])
+            values = values.astype(DTYPES[port.type])
         variables[name] = ("time", np.ascontiguousarray(values), {key: text for key, text in attrs.items() if text})
     return xr.Dataset(variables, coords={"time": ("time", times, {"units": "s"})}, attrs=dict(attributes))
 

@@ -97,7 +97,7 @@ class Session:
         check_loops(system.parts, system.wires, implicit=schedule.implicit)
         open_end = bool(self._options.resume or self._options.checkpoint)
         self._initialisation = Initialisation(plan, system, experiment, self._guard, open_end=open_end)
-        self._ticks = Ticks(plan, schedule, experiment)
+        self._ticks = Ticks(plan, schedule, experiment.manipulators)
 
     def run(self, start: Mapping[str, StartValue]) -> Recorder:
         """Run it."""

@@ -346,14 +346,14 @@ def start_of(plant: AxisPlant, parts: Mapping[str, Part], x0: float) -> dict[str
     return found
 
 
-def forces_of(friction: Part) -> set[str]:
+def forces_of(friction: Part) -> list[str]:
     """Return the parameters of a block that are proportional to its force: in N, N/m, ..., and the factors of F_t."""
     factors = ("mu_avg", "mu_dif") if _has_input(friction, "F_t") else ()
-    return {
+    return [
         port.name
         for port in friction.parameters
         if (port.unit and port.unit[0] == "N" and port.name != "Fn0") or port.name in factors
-    }
+    ]
 
 
 def viscous_beside(friction: Part, plant: AxisPlant) -> float:

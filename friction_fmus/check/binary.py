@@ -15,9 +15,9 @@ import fmpy
 from lxml import etree
 
 from friction_fmus.check.archive_rules import Contents
-from friction_fmus.check.description import Model, Variable2, integer, real
+from friction_fmus.check.description import SECTIONS, Model, Variable2, integer, real
 from friction_fmus.check.findings import RULES, Finding, Severity, declare
-from friction_fmus.check.fmi3_rules import FLOATS, INTEGERS, Model3, Variable3
+from friction_fmus.check.fmi3_rules import DERIVATIVE, FLOATS, INTEGERS, Model3, Variable3
 from friction_fmus.check.probes import events, fmi3_features, lifecycle, stepping, surroundings
 from friction_fmus.check.probes.fmi2_library import TRACE_SIZE
 from friction_fmus.check.probes.probe_process import CRASHES, ONLY, PROBES, SEVERAL, WITH
@@ -201,9 +201,7 @@ def _job(model: Model, interface: etree._Element) -> dict[str, Any]:
         "flags": {name: _flag(interface, name) for name in _FLAGS},
         "states": [_state(model, unknown.index) for unknown in model.unknowns["Derivatives"]],
         "indicators": max(0, integer(model.root.get("numberOfEventIndicators")) or 0),
-        "dependencies": {
-            section: _dependencies(model, section) for section in ("Outputs", "Derivatives", "InitialUnknowns")
-        },
+        "dependencies": {section: _dependencies(model, f"{section}/Unknown", "index") for section in SECTIONS},
         "completes": not _flag(interface, "completedIntegratorStepNotNeeded"),
         "variables": [row for v in model.variables if (row := _row(v)) is not None],
     }
@@ -212,7 +210,7 @@ def _job(model: Model, interface: etree._Element) -> dict[str, Any]:
 def _state(model: Model, index: int) -> dict[str, Any]:
     """Return a derivative with its state; None for a name that the XML does not tell."""
     derivative = model.variable(index)
-    state = None if derivative is None else model.variable(integer(derivative.get("derivative")) or 0)
+    state = None if derivative is None else model.numbered(derivative.get("derivative"))
     named = {}
     for key, v in (("derivative", derivative), ("state", state)):
         row = None if v is None else _row(v)
@@ -221,13 +219,13 @@ def _state(model: Model, index: int) -> dict[str, Any]:
     return named
 
 
-def _dependencies(model: Model, section: str) -> dict[str, list[str]]:
+def _dependencies(model: Model | Model3, section: str, key: str) -> dict[str, list[str]]:
     """Return the names on which each unknown depends; without an unknown that depends on all."""
     found = {}
-    for unknown in model.unknowns[section]:
-        v = model.variable(unknown.index)
-        if v is not None and unknown.dependencies is not None:
-            found[v.name] = [known.name for index in unknown.dependencies if (known := model.variable(index))]
+    for element in model.all(f"ModelStructure/{section}"):
+        v, given = model.numbered(element.get(key)), element.get("dependencies")
+        if v is not None and given is not None:
+            found[v.name] = [known.name for known in map(model.numbered, given.split()) if known is not None]
     return found
 
 
@@ -279,23 +277,18 @@ _FLAGS_3: Final = {
 
 
 def _job_3(model: Model3, element: etree._Element) -> dict[str, Any]:
-    indicators = (
-        model.by_reference.get(integer(e.get("valueReference")) or 0) for e in model.structure("EventIndicator")
-    )
+    indicators = (model.numbered(e.get("valueReference")) for e in model.all("ModelStructure/EventIndicator"))
+    clocks = [v for v in model.variables if v.type == "Clock" and v.causality == "input"]
     return {
         **_common(model, element, real(element.get("fixedInternalStepSize"))),
         "version": 3,
         "guid": model.root.get("instantiationToken", ""),
         "flags": {old: _flag(element, new) for old, new in _FLAGS_3.items()},
-        "states": [state for e in model.structure("ContinuousStateDerivative") for state in _states_3(model, e)],
+        "states": [state for e in model.all(f"ModelStructure/{DERIVATIVE}") for state in _states_3(model, e)],
         "indicators": sum(model.elements(v) or 1 for v in indicators if v is not None),
         "dependencies": {
-            old: _dependencies_3(model, new)
-            for old, new in (
-                ("Outputs", "Output"),
-                ("Derivatives", "ContinuousStateDerivative"),
-                ("InitialUnknowns", "InitialUnknown"),
-            )
+            old: _dependencies(model, new, "valueReference")
+            for old, new in zip(SECTIONS, ("Output", DERIVATIVE, "InitialUnknown"), strict=True)
         },
         "completes": _flag(element, "needsCompletedIntegratorStep"),
         "variables": [row for v in model.variables if (row := _row_3(v)) is not None],
@@ -311,10 +304,8 @@ def _job_3(model: Model3, element: etree._Element) -> dict[str, Any]:
                 "reference": v.reference,
                 "stated": any(v.get(each) is not None for each in ("intervalDecimal", "intervalCounter")),
             }
-            for v in model.variables
-            if v.type == "Clock"
-            and v.causality == "input"
-            and v.get("intervalVariability") in ("constant", "fixed", "tunable")
+            for v in clocks
+            if v.get("intervalVariability") in ("constant", "fixed", "tunable")
         ],
         "event_mode": _flag(element, "hasEventMode"),
         "returns": _flag(element, "mightReturnEarlyFromDoStep")
@@ -324,22 +315,10 @@ def _job_3(model: Model3, element: etree._Element) -> dict[str, Any]:
     }
 
 
-def _dependencies_3(model: Model3, section: str) -> dict[str, list[str]]:
-    """Return the names on which each unknown depends; without an unknown that depends on all."""
-    found = {}
-    for element in model.structure(section):
-        v = model.by_reference.get(integer(element.get("valueReference")) or 0)
-        given = element.get("dependencies")
-        if v is not None and given is not None:
-            known = (model.by_reference.get(integer(reference) or 0) for reference in given.split())
-            found[v.name] = [each.name for each in known if each is not None]
-    return found
-
-
 def _states_3(model: Model3, element: etree._Element) -> list[dict[str, Any]]:
     """Return a derivative with its state; None for the elements of arrays, which the probes of FMI 2.0 do not read."""
-    derivative = model.by_reference.get(integer(element.get("valueReference")) or 0)
-    state = None if derivative is None else model.by_reference.get(integer(derivative.element.get("derivative")) or 0)
+    derivative = model.numbered(element.get("valueReference"))
+    state = None if derivative is None else model.numbered(derivative.element.get("derivative"))
     if derivative is None or state is None or derivative.dimensions:
         count = 1 if derivative is None else model.elements(derivative) or 1
         return [dict.fromkeys(("derivative", "derivative_reference", "state", "state_reference"))] * count
@@ -364,7 +343,8 @@ def _array(model: Model3, v: Variable3) -> dict[str, Any] | None:
         return None
     texts = v.starts or ()
     texts = texts * count if len(texts) == 1 else texts
-    values = [text in ("true", "1") if v.type == "Boolean" else _number(v.type, text) for text in texts]
+    read = real if v.type in FLOATS else integer
+    values = [text in ("true", "1") if v.type == "Boolean" else read(text) for text in texts]
     known = len(values) == count and None not in values and v.initial == "exact"
     return {
         "name": v.name,
@@ -375,10 +355,6 @@ def _array(model: Model3, v: Variable3) -> dict[str, Any] | None:
         "starts": values if known else [],
         "settable": v.causality in ("input", "parameter"),
     }
-
-
-def _number(kind: str, text: str) -> float | int | None:
-    return real(text) if kind in FLOATS else integer(text)
 
 
 # ---- the process
@@ -470,4 +446,4 @@ def _ending(status: int) -> str:
     if status >= 0:
         return f"exit status {status}"
     known = {member.value: member.name for member in signal.Signals}
-    return f"{known.get(-status, f'signal {-status}')}"
+    return known.get(-status, f"signal {-status}")

@@ -201,6 +201,10 @@ class Model(DescribedModel):
         """Return a variable by its index from 1."""
         return self.variables[index - 1] if 1 <= index <= len(self.variables) else None
 
+    def numbered(self, text: str | None) -> Variable2 | None:
+        """Return the variable with an index in the file."""
+        return self.variable(integer(text) or 0)
+
     @cached_property
     def states(self) -> set[int]:
         """Indices of the continuous-time states, which the attributes derivative name."""

@@ -220,7 +220,7 @@ def _artifacts(results: Results) -> tuple[list[dict[str, Any]], dict[tuple[Path,
         artifacts.append({"location": {"uri": _uri(path)}})
         for file in dict.fromkeys(finding.file for finding in findings if finding.file):
             indices[path, file] = len(artifacts)
-            artifacts.append({"location": {"uri": _quoted(file)}, "parentIndex": indices[path, ""]})
+            artifacts.append({"location": {"uri": quote(file)}, "parentIndex": indices[path, ""]})
     return artifacts, indices
 
 
@@ -243,7 +243,7 @@ def _result(
     }
     if finding.file:
         physical: dict[str, Any] = {
-            "artifactLocation": {"uri": _quoted(finding.file), "index": indices[path, finding.file]}
+            "artifactLocation": {"uri": quote(finding.file), "index": indices[path, finding.file]}
         }
         if finding.line:
             physical["region"] = {"startLine": finding.line}
@@ -252,11 +252,7 @@ def _result(
 
 
 def _uri(path: Path) -> str:
-    return path.absolute().as_uri() if path.is_absolute() else _quoted(path.as_posix())
-
-
-def _quoted(path: str) -> str:
-    return quote(path)
+    return path.absolute().as_uri() if path.is_absolute() else quote(path.as_posix())
 
 
 def rules_table() -> Table:

@@ -446,7 +446,7 @@ def _expected(model: Model) -> set[int]:
     }
     for unknown in model.unknowns["Derivatives"]:
         derivative = model.variable(unknown.index)
-        state = None if derivative is None else model.variable(integer(derivative.get("derivative")) or 0)
+        state = None if derivative is None else model.numbered(derivative.get("derivative"))
         expected |= {v.index for v in (derivative, state) if v is not None and v.initial in computed}
     return expected
 
@@ -686,7 +686,7 @@ def _time(_model: AnyModel, v: Variable2 | Variable3) -> Iterator[str]:
 @for_each("derivative-of", "error", "2.2.7", "The attribute derivative does not name another continuous Real variable.")
 def _derivative(model: Model, v: Variable2) -> Iterator[str]:
     text = v.get("derivative") if v.type == "Real" else None
-    state = model.variable(integer(text) or 0)
+    state = model.numbered(text)
     if text is not None and (state is None or state is v or state.type != "Real"):
         yield f"{v.name} is the derivative of variable {text}, which is not another Real variable; correct it"
 

@@ -83,9 +83,9 @@ class Variable3(DescribedVariable):
         return tuple((integer(e.get("start")), integer(e.get("valueReference"))) for e in found)
 
     @property
-    def clocks(self) -> tuple[int | None, ...]:
+    def clocks(self) -> list[str]:
         """Value references of its clocks."""
-        return tuple(integer(word) for word in self.element.get("clocks", "").split())
+        return self.element.get("clocks", "").split()
 
 
 @dataclass
@@ -106,18 +106,21 @@ class Model3(DescribedModel):
         """Variables by value reference."""
         return {v.reference: v for v in self.variables if v.reference is not None}
 
-    def structure(self, section: str) -> list[etree._Element]:
-        """Return the entries of ModelStructure of a kind, such as Output."""
-        return list(self.root.iterfind(f"ModelStructure/{section}"))
+    def numbered(self, text: str | None) -> Variable3 | None:
+        """Return the variable with a value reference in the file."""
+        reference = integer(text)
+        return None if reference is None else self.by_reference.get(reference)
+
+    def listed(self, section: str) -> set[int | None]:
+        """Return the value references in ModelStructure of a kind, such as Output."""
+        return {integer(element.get("valueReference")) for element in self.all(f"ModelStructure/{section}")}
 
     def elements(self, v: Variable3) -> int | None:
         """Return the number of elements of a variable at the start; None if it cannot be told."""
         sizes = []
         for start, reference in v.dimensions:
-            size = start
-            if start is None and reference is not None and (named := self.by_reference.get(reference)) is not None:
-                size = integer(named.starts[0]) if named.starts else None
-            sizes.append(size)
+            named = None if start is not None or reference is None else self.by_reference.get(reference)
+            sizes.append(integer(named.starts[0]) if named is not None and named.starts else start)
         return None if None in sizes else math.prod(size for size in sizes if size is not None)
 
 
@@ -251,7 +254,7 @@ def _independent(model: Model3) -> Iterator[Fault]:
 def _derivative(model: Model3, v: Variable3) -> Iterator[str]:
     if v.element.get("derivative") is None:
         return
-    state = model.by_reference.get(int(v.element.get("derivative", "-1")))
+    state = model.numbered(v.element.get("derivative"))
     if state is None or state.type not in FLOATS or state.variability != "continuous":
         yield f"{v.name} is the derivative of {v.element.get('derivative')}, which is no continuous variable"
     elif v.type not in FLOATS or v.variability != "continuous":
@@ -282,10 +285,10 @@ def _clock(model: Model3, v: Variable3) -> Iterator[str]:
 
 @rule("fmi3-clocked", "error", "2.4.7.5", "The attribute clocks or previous names an unsuitable variable.", "fmi3")
 def _clocked(model: Model3) -> Iterator[Fault]:
-    owners: dict[int, str] = {}
+    owners: dict[int | None, str] = {}
     for v in model.variables:
         for reference in v.clocks:
-            clock = model.by_reference.get(-1 if reference is None else reference)
+            clock = model.numbered(reference)
             if clock is None or clock.type != "Clock":
                 yield at(v, f"{v.name} names the clock {reference}, but no Clock has this value reference")
         if v.clocks and v.variability not in ("discrete", "tunable"):
@@ -293,8 +296,7 @@ def _clocked(model: Model3) -> Iterator[Fault]:
         previous = v.element.get("previous")
         if previous is None:
             continue
-        reference = integer(previous)
-        value = model.by_reference.get(-1 if reference is None else reference)
+        value = model.numbered(previous)
         if not v.clocks:
             yield at(v, f"{v.name} has a previous value but no clock; name its clock in the attribute clocks")
         if value is None:
@@ -303,10 +305,10 @@ def _clocked(model: Model3) -> Iterator[Fault]:
             yield at(
                 v, f"{v.name} names {value.name} as its previous value; name another discrete {v.type} that is no input"
             )
-        elif owner := owners.get(reference or 0):
+        elif owner := owners.get(value.reference):
             yield at(v, f"{v.name} and {owner} have the same previous value {value.name}; give each its own")
         else:
-            owners[reference or 0] = v.name
+            owners[value.reference] = v.name
 
 
 @rule("fmi3-no-event-mode", "error", "4.1.1", "There are input clocks, but no event mode to tick them in.", "fmi3")
@@ -320,14 +322,15 @@ def _event_mode(model: Model3) -> Iterator[Fault]:
 
 # ---- ModelStructure and interfaces (sections 2.4.8 and 2.4.2)
 
-_SECTIONS = ("Output", "ContinuousStateDerivative", "ClockedState", "InitialUnknown", "EventIndicator")
+DERIVATIVE: Final = "ContinuousStateDerivative"  # an entry for the derivative of a state
+_SECTIONS = ("Output", DERIVATIVE, "ClockedState", "InitialUnknown", "EventIndicator")
 
 
 @rule("fmi3-structure", "error", "2.4.8", "An entry of ModelStructure names a variable that does not exist.", "fmi3")
 def _references(model: Model3) -> Iterator[Fault]:
     for section in _SECTIONS:
         seen = set()
-        for element in model.structure(section):
+        for element in model.all(f"ModelStructure/{section}"):
             line, reference = line_of(element), integer(element.get("valueReference"))
             if reference not in model.by_reference:
                 yield Fault(f"{section} names value reference {reference}, which no variable has", line)
@@ -345,7 +348,7 @@ def _references(model: Model3) -> Iterator[Fault]:
 
 @rule("fmi3-outputs", "error", "2.4.8", "ModelStructure does not list all outputs, or lists other variables.", "fmi3")
 def _outputs(model: Model3) -> Iterator[Fault]:
-    listed = {integer(element.get("valueReference")) for element in model.structure("Output")}
+    listed = model.listed("Output")
     for v in model.variables:
         if v.causality == "output" and v.reference not in listed:
             yield at(v, f"{v.name} is an output, but ModelStructure does not list it")
@@ -355,20 +358,19 @@ def _outputs(model: Model3) -> Iterator[Fault]:
 
 @rule("fmi3-states", "error", "2.4.8", "ModelStructure lists other states than the variables declare.", "fmi3")
 def _states(model: Model3) -> Iterator[Fault]:
-    listed = {integer(element.get("valueReference")) for element in model.structure("ContinuousStateDerivative")}
+    listed, clocked = model.listed(DERIVATIVE), model.listed("ClockedState")
     for v in model.variables:
         declared = v.element.get("derivative") is not None
         if v.reference in listed and not declared:
             yield at(v, f"{v.name} is listed as a derivative, but names no state in the attribute derivative")
         if declared and v.reference not in listed and model.root.find("ModelExchange") is not None:
             yield at(v, f"{v.name} is the derivative of a state, but ModelStructure does not list it")
-    clocked = {integer(element.get("valueReference")) for element in model.structure("ClockedState")}
     for v in model.variables:
         if (v.element.get("previous") is not None) != (v.reference in clocked):
             what = "ModelStructure lists it as" if v.reference in clocked else "its attribute previous makes it"
             yield at(v, f"{v.name} is a clocked state in one place only: {what} one; declare both or none")
-    for element in model.structure("EventIndicator"):
-        indicator = model.by_reference.get(integer(element.get("valueReference")) or 0)
+    for element in model.all("ModelStructure/EventIndicator"):
+        indicator = model.numbered(element.get("valueReference"))
         if indicator is not None and (indicator.type not in FLOATS or indicator.variability != "continuous"):
             yield at(indicator, f"{indicator.name} is an event indicator, but no continuous Float variable")
 
@@ -381,17 +383,16 @@ def _states(model: Model3) -> Iterator[Fault]:
     "fmi3",
 )
 def _initial_unknowns(model: Model3) -> Iterator[Fault]:
-    listed = {integer(element.get("valueReference")) for element in model.structure("InitialUnknown")}
-    derivatives = {integer(element.get("valueReference")) for element in model.structure("ContinuousStateDerivative")}
+    listed, derivatives = model.listed("InitialUnknown"), model.listed(DERIVATIVE)
     states = {integer(v.element.get("derivative")) for v in model.variables if v.element.get("derivative")}
     for v in model.variables:
         computed = v.initial in ("calculated", "approx") and not v.clocks and v.type != "Clock"
         asked = v.causality in ("output", "calculatedParameter") or v.reference in derivatives | states
         if computed and asked and v.reference not in listed:
             yield at(v, f"{v.name} is computed at the start, but InitialUnknown does not list it")
-    for element in model.structure("InitialUnknown"):
+    for element in model.all("ModelStructure/InitialUnknown"):
         for word in element.get("dependencies", "").split():
-            known = model.by_reference.get(integer(word) or 0)
+            known = model.numbered(word)
             if known is not None and known.causality not in ("input", "independent") and known.initial != "exact":
                 message = f"an InitialUnknown depends on {known.name}, which is computed"
                 yield Fault(f"{message}; name inputs, the time and what is exact", line_of(element), known.name)

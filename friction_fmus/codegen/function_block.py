@@ -54,8 +54,7 @@ class FunctionBlock(Export):
 
     def places(self, variable: LawVariable) -> list[str]:
         """Return the variable, or the elements of a vector."""
-        name = self.names[variable.name]
-        return [f"{name}[{i}]" for i in range(len(variable.starts))] if variable.kind in VECTORS else [name]
+        return variable.places(self.names[variable.name])
 
     def body(self) -> list[str]:
         """Return the statements of a call, which correspond to ``PREFIX_check`` and ``PREFIX_step`` in C."""

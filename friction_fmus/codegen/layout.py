@@ -306,8 +306,7 @@ class Export:
     def places(self, variable: LawVariable) -> list[str]:
         """Return the C expressions of a variable's scalars, by way of pointers with the names of the structs."""
         group = next(name for name, members in self.groups.items() if variable in members)
-        name = f"{group}->{variable.name}"
-        return [f"{name}[{i}]" for i in range(len(variable.starts))] if variable.kind in VECTORS else [name]
+        return variable.places(f"{group}->{variable.name}")
 
     def member(self, variable: LawVariable) -> str:
         """Return the declaration of a member."""

@@ -2,7 +2,7 @@
 
 import re
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from math import pi
 from pathlib import Path
@@ -403,7 +403,7 @@ class _Loop:
         forces |= others
         f = SX(0.0)
         if forces:
-            f = parts.label("f", _sum([*forces.values()]))
+            f = parts.label("f", sum(forces.values(), f))
             self._equations.append(f"f = {' + '.join(forces)}")
         found = self._apply("servo", {"f": ("f", f), "u_prev": ("u_last", u_last)})
         parts.result("u_last", found["u"])
@@ -475,7 +475,7 @@ class _Loop:
             return {}
         inputs = {variable.name: variable for variable in self._laws["servo"].select(*INPUTS)}
         track, u_track = (self._signal(name, inputs[name]) for name in TAKING_OVER)
-        force = clip(u_track, self._u_min, self._u_max) - _sum([*(others.values() or [SX(0.0)])])
+        force = clip(u_track, self._u_min, self._u_max) - sum(others.values(), SX(0.0))
         text = " - ".join(["u_track", *others])
         gain = next((v for v in law.given if v.name == "gain"), None)
         if gain is not None:
@@ -646,14 +646,6 @@ def _inputs(law: Law) -> list[str]:
 def _output(law: Law, name: str) -> LawVariable:
     """Return an output of a law."""
     return next(variable for variable in law.select(Kind.OUTPUT) if variable.name == name)
-
-
-def _sum(values: Sequence[SX]) -> SX:
-    """Return the sum from the first to the last."""
-    total, *others = values
-    for value in others:
-        total = total + value
-    return total
 
 
 def _filled(text: str) -> str:

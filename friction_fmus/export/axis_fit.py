@@ -54,8 +54,7 @@ class AxisFit:
         """Direction of the command, shape (n,): 1 or -1, held while the reference stands; 0 before it first moves."""
         moving = signs(self.motion)
         last = np.maximum.accumulate(np.where(moving != 0.0, np.arange(len(moving)), 0))
-        found: Array = moving[last]
-        return found
+        return moving[last]
 
     @property
     def coulomb(self) -> Array:

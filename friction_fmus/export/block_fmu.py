@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -38,7 +38,7 @@ from friction_fmus.export.targets import Compiling, SourceFmu, choose_target, wr
 from friction_fmus.version import VERSION, build_time
 from harness.compiling import toolchain
 from harness.compiling.platforms import NATIVE, compiled, native_library, select
-from harness.storage.files import ScratchFolder, cached, read_source, reason
+from harness.storage.files import ScratchFolder, cached, hash_of, read_source, reason
 from harness.storage.zip_file import find_outside, zipped
 from harness.units import in_unit
 
@@ -298,7 +298,7 @@ def _key(sources: Mapping[str, str], block: Block) -> str:
         *(part for item in sorted(sources.items()) for part in item),
         *(file.read_bytes().hex() for file in icon_files(block)),
     ]
-    return _hash(texts)[:24]
+    return hash_of(texts)[:24]
 
 
 @cache
@@ -307,14 +307,7 @@ def _generator() -> str:
     from importlib.metadata import version
 
     modules = (path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py")))
-    return _hash((VERSION, version("fmpy"), *modules))
-
-
-def _hash(texts: Iterable[str]) -> str:
-    digest = hashlib.sha256()
-    for text in texts:
-        digest.update(text.encode() + b"\0")
-    return digest.hexdigest()
+    return hash_of((VERSION, version("fmpy"), *modules))
 
 
 def assemble(block: Block, sources: Mapping[str, str]) -> bytes:

@@ -101,8 +101,7 @@ class AxisLoop:
         start.pop("servo.f", None)
         experiment = replace(self._experiment, stop=len(force) * self.sample_time)
         _, found = accurate(System(parts, wires, start, experiment, whole.name))
-        error: Array = (motion or self.motion).r - found.column(experiment.record[1])[:-1]  # the second is the position
-        return error
+        return (motion or self.motion).r - found.column(experiment.record[1])[:-1]  # the second is the position
 
 
 RESULTS: Final = ("study.json", "identification.json")  # files with identified axes, under the key ``axes``

@@ -315,8 +315,9 @@ def _interface(root: etree._Element, kind: str, identifier: str, values: dict[st
     etree.SubElement(etree.SubElement(interface, "SourceFiles"), "File", name=f"{identifier}.c")
 
 
-def _number(value: float) -> str:
-    return repr(value).removesuffix(".0")
+def shortest(value: float) -> str:
+    """Return a number with as many digits as it needs."""
+    return repr(float(value)).removesuffix(".0")
 
 
 def _unit_definitions(root: etree._Element, units: list[str]) -> None:
@@ -326,10 +327,10 @@ def _unit_definitions(root: etree._Element, units: list[str]) -> None:
         base = base_unit(unit)
         attributes = {name: str(power) for name, power in zip(BASE_SYMBOLS, base.exponents, strict=True) if power}
         if base.factor != 1.0:
-            attributes["factor"] = _number(base.factor)
+            attributes["factor"] = shortest(base.factor)
         etree.SubElement(element, "BaseUnit", attributes)
         for name, factor in DISPLAY_UNITS.get(unit, ()):
-            etree.SubElement(element, "DisplayUnit", name=name, factor=_number(factor))
+            etree.SubElement(element, "DisplayUnit", name=name, factor=shortest(factor))
 
 
 def _type_definitions(root: etree._Element, units: list[str]) -> None:
@@ -357,7 +358,7 @@ def _scalar_variable(
     if v.type == BOOLEAN:
         etree.SubElement(scalar, "Boolean", {"start": "true" if v.start else "false"} if has_start else {})
         return
-    convert = (lambda value: str(int(value))) if v.type == INTEGER else _number
+    convert = (lambda value: str(int(value))) if v.type == INTEGER else shortest
     typed: dict[str, str] = {}
     if v.unit:
         typed |= {"declaredType": QUANTITIES[v.unit]} if v.unit in QUANTITIES else {}

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,9 +25,6 @@ from friction_fmus.identification.methods.free_run import FREE_RUN, START, free_
 from friction_fmus.listings import identification_html, identification_text
 from harness import Parameter, ParameterSet, write_ssv
 from harness.storage.files import atomic_path
-
-if TYPE_CHECKING:
-    pass
 
 MEASURED, PREDICTED = "#7f8c8d", "#c0392b"
 
@@ -112,12 +108,8 @@ class Identification:
     settings: InverseModelSettings | None = None
     position: PositionFit | None = None
 
-    def __repr__(self) -> str:
-        return identification_text(self)
-
-    def _repr_html_(self) -> str:
-        """Return the parameters as HTML, for a notebook."""
-        return identification_html(self)
+    __repr__ = identification_text
+    _repr_html_ = identification_html
 
     def values(self) -> dict[str, float]:
         """Return the parameter values without standard errors, including fixed parameters.
@@ -164,8 +156,7 @@ class Identification:
         if segment.a is None:
             return segment.predicted(F, 0.0, values.get("OF", 0.0))
         total = F + values.get("M", 0.0) * segment.a + values.get("OF", 0.0) + force_beside(values, segment)
-        found: Array = total / values.get("gain", 1.0) - known_force(self, segment)
-        return found
+        return total / values.get("gain", 1.0) - known_force(self, segment)
 
     def compare(self, record: Record) -> tuple[Array, Array]:
         """Return measured and predicted signal of a record, filtered as in the fit.

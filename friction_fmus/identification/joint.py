@@ -421,5 +421,4 @@ def _angle(start: Mapping[str, float], system: System, record: JointRecord) -> A
     every = ceil(Ts / STEP - 1e-9)
     stop = Ts * (len(record.motion) - 1)
     result = system.with_start(start).run(stop=stop, step=Ts / every, master="newton", record=["arm.x"])
-    found: Array = result["arm.x"].to_numpy()[::every][: len(record.motion)]
-    return found
+    return result["arm.x"].to_numpy()[::every][: len(record.motion)]

@@ -137,12 +137,8 @@ class ModelComparison:
     failed: Mapping[str, str]
     ranked_by: str
 
-    def __repr__(self) -> str:
-        return comparison_text(self)
-
-    def _repr_html_(self) -> str:
-        """Return the models as HTML, for a notebook."""
-        return comparison_html(self)
+    __repr__ = comparison_text
+    _repr_html_ = comparison_html
 
 
 def compare_models(

@@ -67,6 +67,10 @@ class LawVariable:
         """Start values of the scalars."""
         return self.start if isinstance(self.start, tuple) else (self.start,)
 
+    def places(self, name: str) -> list[str]:
+        """Return the expressions of the scalars in C, for a variable or a vector of this name."""
+        return [f"{name}[{i}]" for i in range(len(self.starts))] if self.kind in VECTORS else [name]
+
 
 # the functions below are argument defaults of a law, where the argument is an SX; they therefore return Any
 

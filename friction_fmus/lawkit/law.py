@@ -421,7 +421,7 @@ def check_variables(where: str, variables: tuple[LawVariable, ...], about: About
 
 def block_source(law: Law) -> str:
     """Return the C file of a law's block for block.h."""
-    writes = [f"model->{name}" for variable in law.results for name in _elements(variable)]
+    writes = [place for variable in law.results for place in variable.places(f"model->{variable.name}")]
     body = _statements(law.function, law.given, writes)
     last_output = max(i for i, variable in enumerate(law.variables) if variable.kind is Kind.OUTPUT)
     table = (*law.variables[: last_output + 1], FAULT, *law.variables[last_output + 1 :])
@@ -462,7 +462,7 @@ def _statements(function: Function, given: Sequence[LawVariable], writes: Sequen
     """Return the C statements of a function of these variables, which are available as constants."""
     # GIVEN copies scalars, but has only pointers to vectors: a state vector is named as where results are stored
     places = [("model->" if variable.kind is Kind.STATES else "", variable) for variable in given]
-    reads = [f"{prefix}{name}" for prefix, variable in places for name in _elements(variable)]
+    reads = [place for prefix, variable in places for place in variable.places(f"{prefix}{variable.name}")]
     scalars = [variable for variable in given for _ in variable.starts]
     booleans = [i for i, variable in enumerate(scalars) if variable.kind in BOOLEANS]
     taken = [*(variable.name for variable in given), *(re.findall(r"\w+", " ".join(writes)))]
@@ -475,7 +475,7 @@ def _skip(law: Law) -> list[str]:
     function, results = law.disabled()
     lines = [f"model->{variable.name} += 1.0;" for variable in law.given if variable.tally]
     if results:
-        writes = [f"model->{name}" for variable in results for name in _elements(variable)]
+        writes = [place for variable in results for place in variable.places(f"model->{variable.name}")]
         rest = _statements(function, law.given, writes)
         lines += ["if (!enable) {", *(f"    {line}" for line in rest), "}"]
     body = [f"    {line}" for line in lines]
@@ -497,13 +497,6 @@ def _relations(law: Law) -> list[str]:
         "    return NULL;",
         "}",
     ]
-
-
-def _elements(variable: LawVariable) -> list[str]:
-    """Return the C names of the scalars of a variable."""
-    if variable.kind in VECTORS:
-        return [f"{variable.name}[{i}]" for i in range(len(variable.starts))]
-    return [variable.name]
 
 
 def _limit(value: float) -> str:

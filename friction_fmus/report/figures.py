@@ -2,9 +2,10 @@
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from itertools import cycle
 from operator import attrgetter
 from typing import Any
 
@@ -43,11 +44,16 @@ class Plot:
     name: str  # identifier of the HTML element
     figure: go.Figure  # figure to draw
     caption: str  # caption below the plot
-    label: str  # label for screen readers
+    table: str = ""  # sentence that says which table has the values
     curves: bool = True  # whether the plot consists of curves; the page then has buttons to zoom
     legend: bool = True  # whether the page has a legend for the curves
     views: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Ranges of the horizontal axis, by label of the button that shows them."""
+
+    @property
+    def label(self) -> str:
+        """Label for screen readers."""
+        return " ".join(filter(None, ("Plot.", self.caption, self.table)))
 
     @property
     def height(self) -> int:
@@ -96,17 +102,9 @@ def lines(
             line={"color": INK, "dash": "3px,3px", "width": 1.2} if wanted else {"color": FAINT, "width": 2.0},
             marker=points,
         )
-    chosen = set(seen) or set(list(models)[:SEEN])
-    for (name, curve), (colour, dash, _) in zip(models.items(), _styles(len(models)), strict=True):
+    for curve, style, _ in _styled(models, seen):
         x, y = thinned(curve, factors)
-        figure.add_scatter(
-            x=_short(x),
-            y=_short(y),
-            **_named(name),
-            mode="lines",
-            line={"color": colour, "dash": dash, "width": 1.8},
-            visible=True if name in chosen else "legendonly",
-        )
+        figure.add_scatter(x=_short(x), y=_short(y), mode="lines", **style)
     figure.update_xaxes(title=escaped(titles[0]))
     figure.update_yaxes(title=escaped(titles[1]))
     return finished(figure, height)
@@ -117,17 +115,9 @@ def sweep(
 ) -> go.Figure:
     """Draw the tracking error over the tuned parameter with a marker for each run; `seen` as in `lines`."""
     figure = go.Figure()
-    chosen = set(seen) or set(list(curves)[:SEEN])
-    for (name, curve), (colour, dash, marker) in zip(curves.items(), _styles(len(curves)), strict=True):
-        figure.add_scatter(
-            x=list(curve.x),
-            y=[factor * y for y in curve.y],
-            **_named(name),
-            mode="lines+markers",
-            line={"color": colour, "dash": dash, "width": 1.8},
-            marker={"symbol": marker, "size": 8, "color": colour},
-            visible=True if name in chosen else "legendonly",
-        )
+    for curve, style, marker in _styled(curves, seen):
+        x, y = list(curve.x), [factor * y for y in curve.y]
+        figure.add_scatter(x=x, y=y, mode="lines+markers", marker={**marker, "size": 8}, **style)
     figure.update_xaxes(title=escaped(titles[0]))
     figure.update_yaxes(title=escaped(titles[1]), rangemode="tozero")
     return finished(figure, 430)
@@ -151,8 +141,15 @@ def finished(figure: go.Figure, height: int) -> go.Figure:
     return figure
 
 
-def _styles(count: int) -> list[tuple[str, str, str]]:
-    return [STYLES[i % len(STYLES)] for i in range(count)]
+def _styled(
+    curves: Mapping[str, StudyCurve], seen: Iterable[str]
+) -> Iterator[tuple[StudyCurve, dict[str, Any], dict[str, str]]]:
+    """Yield each curve with its name and line, and with its marker; without `seen`, the first ones are visible."""
+    chosen = set(seen) or set(list(curves)[:SEEN])
+    for (name, curve), (colour, dash, symbol) in zip(curves.items(), cycle(STYLES), strict=False):
+        line = {"color": colour, "dash": dash, "width": 1.8}
+        style = {**_named(name), "line": line, "visible": name in chosen or "legendonly"}
+        yield curve, style, {"symbol": symbol, "color": colour}
 
 
 def _short(values: Array) -> Any:
@@ -232,10 +229,9 @@ def panels(
     for row, (name, curve) in enumerate(curves.items(), start=1):
         x, y = thinned(curve, factors)
         figure.add_scatter(
-            x=np.asarray(x, dtype=np.float32),
-            y=np.asarray(y, dtype=np.float32),
-            name=escaped(name),
-            meta=name,
+            x=_short(x),
+            y=_short(y),
+            **_named(name),
             mode="markers" if dots else "lines",
             line={"color": "#0072B2", "width": 1.4},
             marker={"color": "#0072B2", "size": 3, "opacity": 0.6},
@@ -256,17 +252,15 @@ def panels(
 def tradeoffs(points: Sequence[Point], error: str, effort: str, limit: float | None) -> go.Figure:
     """Draw the worst-case error over the effort and over the sensitivity peak, with the points that none dominates."""
     figure = make_subplots(cols=2, shared_yaxes=True, horizontal_spacing=0.05)
-    kinds = list(dict.fromkeys(point.kind for point in points))
-    for i, kind in enumerate(kinds):
-        colour, _, marker = STYLES[i % len(STYLES)]
+    kinds = dict.fromkeys(point.kind for point in points)
+    for kind, (colour, _, marker) in zip(kinds, cycle(STYLES), strict=False):
         for column, of in COLUMNS:
             shown = [point for point in points if point.kind == kind and of(point) is not None]
             figure.add_scatter(
                 x=[of(point) for point in shown],
                 y=[point.error for point in shown],
                 mode="markers",
-                name=escaped(kind),
-                meta=kind,
+                **_named(kind),
                 legendgroup=kind,
                 hovertext=[escaped(point.name) for point in shown],
                 hoverinfo="text+x+y",

@@ -48,6 +48,8 @@ FIRST = 4
 
 FAMILIES: Final = 6  # largest number of families of compensators that are compared
 
+BELOW: Final = "The table below has the values."
+
 UNCLAIMED: Final = "errors-not-claimed"
 FIRST_FINDINGS: Final = (UNCLAIMED, "saturated")  # findings that come before everything else
 
@@ -95,27 +97,27 @@ def compensator_plots(study: StudyResult) -> dict[str, Plot]:
         drawn = dict(list(errors.items())[: FIRST + 1])
         caption = "Tracking error over time without compensation and of the best compensators, with the same axes."
         figure = panels(drawn, ("time [s]", f"reference − position [{unit}]"), (1.0, factor))
-        turn = reversal(study.record)
-        views = {} if turn is None else {"around a reversal": turn}
-        plots["errors"] = Plot("errors-plot", figure, caption, f"Plot. {caption}", views=views, legend=False)
+        plots["errors"] = Plot("errors-plot", figure, caption, views=_views(study), legend=False)
 
     for name, title, value, caption in SWEEPS:
-        sweeps = _drawn({label(row.name): curve for row in rows if len((curve := _tuning(row, value)).x) > 1})
+        sweeps = {label(row.name): curve for row in rows if len((curve := _tuning(row, value)).x) > 1}
         if sweeps:
-            figure = sweep(sweeps, (title, f"tracking error, rms [{unit}]"), factor)
-            plots[name] = Plot(f"{name}-plot", figure, caption, f"Plot. {caption} The table below has the values.")
+            first = dict(list(sweeps.items())[: len(STYLES)])
+            figure = sweep(first, (title, f"tracking error, rms [{unit}]"), factor)
+            plots[name] = Plot(f"{name}-plot", figure, caption, BELOW)
     return plots
+
+
+def _views(study: StudyResult) -> dict[str, tuple[float, float]]:
+    """Return the ranges of time for which plots over time have a button."""
+    turn = reversal(study.record)
+    return {} if turn is None else {"around a reversal": turn}
 
 
 def _tuning(row: CompensatorResult, value: Callable[[Trial], float | None]) -> StudyCurve:
     """Return the error over the tuned parameter; empty if it is another one."""
     tuned = [(at, trial.metrics.rms) for trial in row.trials if trial.metrics and (at := value(trial)) is not None]
     return StudyCurve(tuple(at for at, _ in sorted(tuned)), tuple(rms for _, rms in sorted(tuned)))
-
-
-def _drawn(curves: Mapping[str, StudyCurve]) -> dict[str, StudyCurve]:
-    """Return the first curves, one for each line style."""
-    return dict(list(curves.items())[: len(STYLES)])
 
 
 def _tradeoffs(study: StudyResult, rows: Sequence[CompensatorResult], unit: str, factor: float) -> Plot:
@@ -134,7 +136,7 @@ def _tradeoffs(study: StudyResult, rows: Sequence[CompensatorResult], unit: str,
     figure = tradeoffs(
         points, f"worst-case error, rms [{unit}]", f"{study.units.words.force} [{study.units.force}]", limit
     )
-    return Plot("tradeoffs-plot", figure, caption, f"Plot. {caption} The table below has the values.", False)
+    return Plot("tradeoffs-plot", figure, caption, BELOW, curves=False)
 
 
 def not_compared(study: StudyResult) -> dict[str, list[str]]:
@@ -162,7 +164,7 @@ def friction_plots(study: StudyResult) -> list[Plot]:
         if (span := _span(picture)) is not None:
             figure.update_yaxes(range=[factors[1] * value for value in span])
             caption += " The vertical axis shows the range of the log; the button “full range” shows all curves."
-        plots.append(Plot(f"{name}-plot", figure, caption, f"Plot. {caption}"))
+        plots.append(Plot(f"{name}-plot", figure, caption))
     return plots
 
 
@@ -239,7 +241,7 @@ def _turn(study: StudyResult) -> Plot | None:
         )
         finished(figure, 360)
         caption += " Below, with the recommended compensator, on a scale of its own."
-    return Plot("turn-plot", figure, caption, f"Plot. {caption}", curves=False)
+    return Plot("turn-plot", figure, caption, curves=False)
 
 
 def families(study: StudyResult) -> list[CompensatorResult]:
@@ -264,7 +266,7 @@ def _families(study: StudyResult) -> Mapping[str, Any]:
         caption += " All but the first include velocity and acceleration feedforward."
     names = [(rung.title, rung.name == chosen) for rung in rungs]
     figure = ladder_dots(names, errors, study.units.position)
-    plot = Plot("ladder-plot", figure, caption, f"Plot. {caption} The table has the values.", False, False)
+    plot = Plot("ladder-plot", figure, caption, "The table has the values.", curves=False, legend=False)
     return {"families": families(study), "plot": plot}
 
 
@@ -282,26 +284,19 @@ def _plant(study: StudyResult) -> Mapping[str, Any]:
 
 def record_plots(study: StudyResult, measured: bool) -> list[Plot]:
     """Return the plots over time that contain measured signals, or those of the models only."""
-    turn = reversal(study.record)
     plots = []
     for index, picture in enumerate(study.record):
         if bool(picture.data) != measured:
             continue
         how = ", measured and simulated" if picture.data and picture.models else "" if picture.data else " by model"
         caption = f"{picture.y_label[:1].upper()}{picture.y_label[1:]} over time{how}."
-        plots.append(_over_time(f"record-plot-{index + 1}", picture, caption, turn))
+        titles, factors = axes(picture)
+        if measured:
+            figure = lines(picture.data, picture.models, titles, factors, height=330)
+        else:
+            figure = panels(picture.models, titles, factors)
+        plots.append(Plot(f"record-plot-{index + 1}", figure, caption, legend=measured, views=_views(study)))
     return plots
-
-
-def _over_time(name: str, picture: Picture, caption: str, turn: tuple[float, float] | None) -> Plot:
-    titles, factors = axes(picture)
-    views = {} if turn is None else {"around a reversal": turn}
-    if not picture.data:
-        return Plot(
-            name, panels(picture.models, titles, factors), caption, f"Plot. {caption}", legend=False, views=views
-        )
-    figure = lines(picture.data, picture.models, titles, factors, height=330)
-    return Plot(name, figure, caption, f"Plot. {caption}", views=views)
 
 
 def _servo(study: StudyResult) -> Mapping[str, Any]:
@@ -315,7 +310,7 @@ def _servo(study: StudyResult) -> Mapping[str, Any]:
         f"Recorded drive {study.units.words.force}, and the {study.units.words.force} that the servo commands "
         "for the logged reference and position."
     )
-    return {"plot": Plot("servo-plot", figure, caption, f"Plot. {caption}")}
+    return {"plot": Plot("servo-plot", figure, caption)}
 
 
 def sources(study: StudyResult) -> list[tuple[str, str]]:
@@ -332,12 +327,10 @@ def residual_plots(study: StudyResult) -> list[Plot]:
     plots = []
     for picture in study.residuals:
         titles, factors = axes(picture)
-        caption = (
-            f"Simulated minus measured drive {study.units.words.force} over {picture.x_label}, in the "
-            "co-simulated servo."
-        )
+        force = study.units.words.force
+        caption = f"Simulated minus measured drive {force} over {picture.x_label}, in the co-simulated servo."
         figure = panels(picture.models, titles, factors, dots=True)
-        plots.append(Plot(f"residual-{picture.x_label}", figure, caption, f"Plot. {caption}", False, False))
+        plots.append(Plot(f"residual-{picture.x_label}", figure, caption, curves=False, legend=False))
     return plots
 
 

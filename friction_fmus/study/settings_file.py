@@ -1,6 +1,5 @@
 """The file of settings that a study of a bare data file writes for the next step."""
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +17,7 @@ from friction_fmus.identification.data.tables import DataTable
 from friction_fmus.study.config import BEST_KNOWN_MODELS, OPTIONAL_GAINS, StudyConfig
 from friction_fmus.study.data import Data
 from friction_fmus.study.study_result import WrittenFile
+from harness.storage.files import relative
 
 SETTINGS_FILE: Final = "study.toml"
 
@@ -36,8 +36,8 @@ class Known:
 def write_settings(folder: Path, table: DataTable, known: Known) -> Path:
     """Write the settings of a study, complete as far as they are known, with comments on the rest."""
     path = folder / SETTINGS_FILE
-    more = [] if known.measurement is None else [_relative(file, folder) for file in known.measurement.mapping.more]
-    write_file(settings_text(table, known, _relative(table.file, folder), more), path)
+    more = [] if known.measurement is None else [relative(file, folder) for file in known.measurement.mapping.more]
+    write_file(settings_text(table, known, relative(table.file, folder), more), path)
     return path
 
 
@@ -89,13 +89,6 @@ def _entries(servo: Servo | None) -> dict[str, str]:
     given |= {"Ts": f"{servo.Ts:.6g}", "force_limit": f"{servo.force_limit:.6g}", "window": f"{servo.window}"}
     given |= {"quantum": f"{servo.quantum:.6g}"}
     return given | servo.features
-
-
-def _relative(file: Path, folder: Path) -> str:
-    try:
-        return Path(os.path.relpath(file, folder)).as_posix()
-    except ValueError:  # another drive of Windows
-        return file.resolve().as_posix()
 
 
 def _windows(measurement: Measurement | None) -> list[str]:

@@ -426,12 +426,8 @@ class StudyResult:
         """What the known values of parameters are: those of the simulated axis, or published ones."""
         return "published" if self.citation else "true"
 
-    def __repr__(self) -> str:
-        return study_text(self)
-
-    def _repr_html_(self) -> str:
-        """Return recommendation, models and compensators as HTML, for a notebook."""
-        return study_html(self)
+    __repr__ = study_text
+    _repr_html_ = study_html
 
     def compensator(self, name: str) -> CompensatorResult:
         """Return the result of a compensator.

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
-from typing import Final, Literal, TypeAlias
+from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -240,14 +240,7 @@ def envelope(differences: Values, window: int) -> Values:
 Verdict: TypeAlias = Literal[
     "within tolerance", "sensitive", "step too long", "not certain", "not converged", "invalid"
 ]
-VERDICTS: Final[tuple[Verdict, ...]] = (
-    "within tolerance",
-    "sensitive",
-    "step too long",
-    "not certain",
-    "not converged",
-    "invalid",
-)
+VERDICTS: Final[tuple[Verdict, ...]] = get_args(Verdict)
 """From the best to the worst."""
 
 MUCH: Final = 3.0  # by what factor events explain a difference, if it is one of time
@@ -344,12 +337,10 @@ def compare(one: ErrorEstimate, own: Track, other: Track, *, nominal: float, req
     size = max(size_of(own.values), NOTHING * nominal)
     if float(np.max(beyond)) <= required * size:
         return one
-    count = int(np.searchsorted(own.times, other.times[-1] + 0.5 * own.row, side="right"))
-    times, values = own.times[:count], own.values[:count]
-    by = align(times, values, other.times, other.values)
-    if by is not None:
+    if (found := _at_shifted_times(own, other)) is not None:
+        by, differences = found
         late = float(np.max(np.abs(by.shifts))) - one.shift - other.row
-        aligned = np.maximum(aligned_difference(times, values, other.times, other.values, by) - one.bound[:count], 0.0)
+        aligned = np.maximum(differences - one.bound[: len(differences)], 0.0)
         if late <= required * by.interval and float(np.max(aligned)) < float(np.max(beyond)):
             beyond = aligned
     largest = float(np.max(beyond))
@@ -391,6 +382,15 @@ def _spread(bounds: Values, many: int, rows: int) -> NDArray[np.float32]:
     return np.append(np.repeat(each, many)[:rows], np.full(max(0, rows - many * len(each)), each[-1]))
 
 
+def _at_shifted_times(own: Track, other: Track) -> tuple[Alignment, Values] | None:
+    """Return the alignment of two runs and their differences with it, or None if their events do not correspond."""
+    times, there = own.times, other.times
+    times = times[: int(np.searchsorted(times, there[-1] + 0.5 * own.row, side="right"))]
+    values = own.values[: len(times)]
+    by = align(times, values, there, other.values)
+    return None if by is None else (by, aligned_difference(times, values, there, other.values, by))
+
+
 def _at_equal_times(
     own: Track, pairs: Sequence[tuple[Track, Track]], most: float, size: float, floor: float, *, finer: bool
 ) -> ErrorEstimate:
@@ -411,19 +411,11 @@ def _at_events(
     own: Track, pairs: Sequence[tuple[Track, Track]], most: float, size: float, floor: float, *, finer: bool
 ) -> ErrorEstimate | None:
     """Return the estimate from differences at corresponding events, or None if there are none."""
-    found: list[tuple[Alignment, Values]] = []
-    for a, b in pairs:
-        times, other_times = a.times, b.times
-        count = int(np.searchsorted(times, other_times[-1] + 0.5 * a.row, side="right"))
-        times, values = times[:count], a.values[:count]
-        by = align(times, values, other_times, b.values)
-        if by is None:
-            break
-        found.append((by, aligned_difference(times, values, other_times, b.values, by)))
-    if not found:
+    first = _at_shifted_times(*pairs[0])
+    if first is None:
         return None
-    (events, near), *others = found
-    far = others[0] if others else None
+    events, near = first
+    far = _at_shifted_times(*pairs[1]) if len(pairs) > 1 else None
     sizes = converge(near, far[1] if far else None, most, size, floor, finer=finer)
     sizes = replace(sizes, factor=sizes.factor * IRREGULAR / REGULAR)  # what looks like a shift is taken for one
     shifts = np.abs(events.shifts), np.abs(far[0].shifts) if far else None

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from harness.compiling import toolchain
 from harness.errors import BuildError, nearest
 from harness.processors import available
-from harness.storage.files import ScratchFolder, cached
+from harness.storage.files import ScratchFolder, cached, hash_of
 
 LONGEST_TABLE: Final = 1 << 20  # length of the beginning of a file in which its tables are searched [bytes]
 _ELF_LOADED: Final = (1, 2)  # PT_LOAD, PT_DYNAMIC
@@ -218,10 +218,8 @@ def _write(folder: Path, sources: Mapping[str, str]) -> None:
 
 def _digest(target: str | None, name: str, sources: Mapping[str, str]) -> str:
     """Return a hash of everything that determines a compiled file."""
-    digest = hashlib.sha256()
-    for text in (toolchain.identity(target), name, *(part for item in sorted(sources.items()) for part in item)):
-        digest.update(text.encode() + b"\0")
-    return digest.hexdigest()[:24]
+    parts = (part for item in sorted(sources.items()) for part in item)
+    return hash_of((toolchain.identity(target), name, *parts))[:24]
 
 
 def native_library(sources: Mapping[str, str], name: str, *, headers: bool = True) -> Path:

@@ -1,6 +1,5 @@
 """The C compiler: zig from PyPI, so that no system compiler is needed, or the command in ``CC``."""
 
-import hashlib
 import os
 import platform
 import re
@@ -14,7 +13,7 @@ from pathlib import Path
 
 from harness.errors import BuildError, MissingPackageError
 from harness.extras import require
-from harness.storage.files import ScratchFolder
+from harness.storage.files import ScratchFolder, hash_of
 
 
 def source_folder() -> Path:
@@ -37,10 +36,7 @@ def included(unit: str, files: Mapping[str, str]) -> dict[str, str]:
 
 def guid_of(files: Mapping[str, str], *texts: str) -> str:
     """Return a GUID that identifies sources and other texts."""
-    digest = hashlib.sha256()
-    for text in (*texts, *(part for item in sorted(files.items()) for part in item)):
-        digest.update(text.encode() + b"\0")
-    digits = digest.hexdigest()
+    digits = hash_of((*texts, *(part for item in sorted(files.items()) for part in item)))
     return "{" + "-".join(digits[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32))) + "}"
 
 

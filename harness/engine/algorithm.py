@@ -16,8 +16,8 @@ from harness.engine.native import NOT_CONVERGED, Engine
 from harness.errors import ExperimentError, HarnessError
 from harness.parts.part import Values
 from harness.result import make_result
-from harness.system.experiment import Experiment
 from harness.system.plan import MovingWire, Plan, Schedule, map_of
+from harness.system.wire import Manipulator
 
 if TYPE_CHECKING:
     from harness.result import Result
@@ -223,45 +223,50 @@ class Algorithm(ABC):
 class Ticks:
     """The ticks of a run, in C."""
 
-    def __init__(self, plan: Plan, schedule: Schedule, experiment: Experiment) -> None:
-        self._engine, self._lines = Engine(plan, schedule.operations), schedule.lines
-        self._algorithm = schedule.algorithm(self._engine) if schedule.algorithm else None
-        self._coupling = None if schedule.implicit else Coupling(self._engine, schedule)
-        self._manipulations = Manipulations(plan, schedule, experiment.manipulators)
+    def __init__(
+        self, plan: Plan, schedule: Schedule, manipulators: Sequence[Manipulator], *, measured: bool = True
+    ) -> None:
+        self.engine, self._lines = Engine(plan, schedule.operations), schedule.lines
+        self._algorithm = schedule.algorithm(self.engine) if schedule.algorithm else None
+        coupling = Coupling(self.engine, schedule) if measured and not schedule.implicit else None
+        self._mechanisms = [each for each in (self._algorithm, coupling) if each is not None]
+        self._manipulations = Manipulations(plan, schedule, manipulators)
 
     def begin(self, recorder: Recorder) -> None:
         """Begin a run, whose parts have been started."""
         self._recorder = recorder
-        self._engine.begin(recorder.rows, recorder.columns, recorder.decimate)
+        self.engine.begin(recorder.rows, recorder.columns, recorder.decimate)
         self._manipulations.begin()
-        self._manipulations.attach(self._engine)
+        self._manipulations.attach(self.engine)
         if self._lines:
-            attach_lines(self._engine, self._lines)
-        mechanisms = [each for each in (self._algorithm, self._coupling) if each is not None]
-        for mechanism in mechanisms:
+            attach_lines(self.engine, self._lines)
+        for mechanism in self._mechanisms:
             mechanism.begin()
-        remembering = (*mechanisms, self._manipulations)
+        remembering = (*self._mechanisms, self._manipulations)
         self.memory = {name: array for each in remembering for name, array in each.memory().items()}
 
     def run(self, first: int, last: int) -> None:
         """Run the ticks first, ..., last - 1."""
-        data = self._engine.data
+        data = self.engine.data
         data.filled = self._recorder.filled
         try:
-            with self._engine.interruptible():
-                self._engine.run(first, last)
-        except HarnessError:
-            if self._algorithm and data.status == NOT_CONVERGED:
-                raise self._algorithm.failure(int(data.failed_part), float(data.failed_time)) from None
-            raise
+            with self.engine.interruptible():
+                if self.engine.run(first, last) < last:
+                    raise self.failure()
         finally:
             self._recorder.filled = int(data.filled)
 
+    def failure(self) -> BaseException:
+        """Return the error of the last failed call."""
+        data = self.engine.data
+        if self._algorithm and self.engine.error is None and data.status == NOT_CONVERGED:
+            return self._algorithm.failure(int(data.failed_part), float(data.failed_time))
+        return self.engine.failure()
+
     def attributes(self) -> dict[str, str | float]:
         """Return what is to be known of the run, for the attributes of the result."""
-        mechanisms = [each for each in (self._algorithm, self._coupling) if each is not None]
-        return {name: value for each in mechanisms for name, value in each.report().items()}
+        return {name: value for each in self._mechanisms for name, value in each.report().items()}
 
     def close(self) -> None:
         """Free the states that were saved within steps, and the table."""
-        self._engine.end()
+        self.engine.end()

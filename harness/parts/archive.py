@@ -253,8 +253,7 @@ def _port(variable: Any, units: Mapping[str, Any]) -> Port:
 
 def _stated(variable: Any, attribute: str) -> str | None:
     """Return an attribute of a variable, or else of its type."""
-    text: str | None = getattr(variable, attribute) or getattr(variable.declaredType, attribute, None)
-    return text
+    return getattr(variable, attribute) or getattr(variable.declaredType, attribute, None)
 
 
 def _number(text: str | None, otherwise: float) -> float:

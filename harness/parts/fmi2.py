@@ -16,7 +16,7 @@ import fmpy.fmi2
 from harness.compiling.platforms import missing_bytes
 from harness.errors import ENDED, FmuError, PartError
 from harness.parts.archive import Archive
-from harness.parts.integrator import FUNCTIONS
+from harness.parts.integrator import FUNCTIONS, address_of
 from harness.storage.files import FULL, ScratchFolder
 from harness.storage.zip_file import ZipError, open_zip, unpack_zip
 
@@ -88,7 +88,7 @@ class Library:
             unzipDirectory=folder,
         )
         own = FUNCTIONS if archive.exchange else ("DoStep", "SetRealInputDerivatives")
-        self.addresses = {name: _address(self.slave.dll, f"fmi2{name}") for name in (*_COMMON, *own)}
+        self.addresses = {name: address_of(self.slave.dll, f"fmi2{name}") for name in (*_COMMON, *own)}
         if not archive.exchange and (direct := _direct_calls(self.slave.dll)):
             self.addresses["blockDirect"] = direct
 
@@ -109,10 +109,6 @@ def exchanges(addresses: Mapping[str, int]) -> tuple[Exchanges, Exchanges]:
     kinds = ("Real", "Integer", "Boolean")
     set_, get = ({kind: _EXCHANGE(addresses[f"{verb}{kind}"]) for kind in kinds} for verb in ("Set", "Get"))
     return set_, get
-
-
-def _address(library: Any, function: str) -> int:
-    return ctypes.cast(getattr(library, function), _POINTER).value or 0
 
 
 def _direct_calls(library: Any) -> int:

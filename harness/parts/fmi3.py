@@ -18,6 +18,7 @@ from harness.errors import ENDED, PartError, StartValueError
 from harness.parts.archive import Archive
 from harness.parts.flat_description import TYPES, Flat
 from harness.parts.fmi2 import Instance, Library
+from harness.parts.integrator import address_of
 from harness.parts.part import StartValue
 
 _POINTER, _REAL = ctypes.c_void_p, ctypes.c_double
@@ -250,7 +251,7 @@ class Library3(Library):
 
 def _address(dll: Any, function: str) -> int:
     """Return the address of a function; 0 if the library does not have it, as it is not called then."""
-    return ctypes.cast(getattr(dll, function), _POINTER).value or 0 if hasattr(dll, function) else 0
+    return address_of(dll, function) if hasattr(dll, function) else 0
 
 
 class Instance3(Instance):

@@ -100,7 +100,7 @@ class Integrator:
         self, component: int, addresses: Mapping[str, int], states: tuple[str, ...], indicators: int, inputs: int
     ) -> None:
         engine = library()
-        self.functions = {name: _address(engine, f"integrator_{export}") for name, export in _EXPORTED.items()}
+        self.functions = {name: address_of(engine, f"integrator_{export}") for name, export in _EXPORTED.items()}
         self.states = states
         data = self.data = IntegratorData()
         data.component = component
@@ -217,7 +217,7 @@ def _make_solver(integrator: Integrator) -> weakref.finalize[Any, Any]:
         ("solve", sun.cvode, "CVode"),
         ("values_of", sun.core, "N_VGetArrayPointer"),
     ):
-        setattr(data, field, _address(place, function))
+        setattr(data, field, address_of(place, function))
     return weakref.finalize(integrator, _free_solver, sun, solver, linear, matrix, vectors, context)
 
 
@@ -230,5 +230,6 @@ def _free_solver(sun: _Sundials, solver: Any, linear: Any, matrix: Any, vectors:
     sun.core.SUNContext_Free(ctypes.byref(context))
 
 
-def _address(place: Any, function: str) -> int:
-    return ctypes.cast(getattr(place, function), _POINTER).value or 0
+def address_of(library: Any, function: str) -> int:
+    """Return the address of a function of a loaded library."""
+    return ctypes.cast(getattr(library, function), _POINTER).value or 0

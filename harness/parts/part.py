@@ -177,12 +177,8 @@ class Part(ABC):
             return f"it is of the type {kind}, which cannot be connected, set or recorded"
         return nearest(name, known)
 
-    def __repr__(self) -> str:
-        return part_text(self)
-
-    def _repr_html_(self) -> str:
-        """Return the variables as a table, for a notebook."""
-        return part_html(self)
+    __repr__ = part_text
+    _repr_html_ = part_html
 
     @property
     def moves(self) -> bool:

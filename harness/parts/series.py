@@ -180,7 +180,7 @@ class SeriesPart(Part):
             else:
                 y[:] = rows[index] + (self._now - grid[index]) * slopes[index]
 
-        return Calls(_nothing, self._step, get)
+        return Calls(lambda: None, self._step, get)  # there are no inputs to set
 
     def save(self, state: object | None = None) -> object:
         """Return the current time, which is the complete state."""
@@ -247,10 +247,6 @@ def _numbers(part: str, column: str, values: ArrayLike, remedy: str) -> Values:
     except (TypeError, ValueError) as error:
         why = " ".join(str(error).split())
         raise SeriesError(f"the {column} of the record '{part}' are no numbers ({why}): {remedy}") from error
-
-
-def _nothing() -> None:
-    """Do nothing, as there are no inputs to set."""
 
 
 def _read_csv(path: Path) -> tuple[Values, dict[str, Values], dict[str, str]]:

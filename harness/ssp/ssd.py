@@ -35,7 +35,7 @@ from harness.ssp.package import (
 from harness.ssp.ssv import Parameter, ParameterSet, is_single, ssv_element
 from harness.ssp.structure import FMU_TYPE, Endpoint, Structure, read_structure, scalars, split
 from harness.ssp.structure import Path as SystemPath
-from harness.system.assembly import Assembly, resize_parts
+from harness.system.assembly import Assembly, resize_parts, start_values
 from harness.system.system_file import SystemDescription
 from harness.system.wire import Wire, split_name, stated_starts, wire_map
 from harness.units import BaseUnit, units_agree
@@ -276,7 +276,7 @@ def _document(system: Assembly, fmus: Mapping[str, FmuPart], sources: Mapping[st
             # the default type of SSP, stated because OMSimulator opens no component without it
             component = sub(elements, "ssd:Component", name=name, type=FMU_TYPE, source=sources[name])
             _connectors(component, part, written[name], arrays[name], units)
-            start = _start(system, part)
+            start = start_values(system.start, part.name)
             if start:
                 parameters, shapes = start_parameters(part, start, arrays[name])
                 binding = sub(sub(component, "ssd:ParameterBindings"), "ssd:ParameterBinding")
@@ -297,12 +297,6 @@ def _document(system: Assembly, fmus: Mapping[str, FmuPart], sources: Mapping[st
     return root
 
 
-def _start(system: Assembly, part: FmuPart) -> dict[str, StartValue]:
-    """Return the given start values of a part."""
-    ends = ((split_name(dotted), value) for dotted, value in system.start.items())
-    return {port: value for (owner, port), value in ends if owner == part.name}
-
-
 def _written(system: Assembly, part: FmuPart) -> dict[str, str]:
     """Return the variables that stand in the file: kinds of the connectors, empty for other start values."""
     wired = {end for wire in system.wires for end in (wire.source, wire.target)}
@@ -310,7 +304,7 @@ def _written(system: Assembly, part: FmuPart) -> dict[str, str]:
     kinds = {port.name: "input" for port in part.inputs if f"{part.name}.{port.name}" in wired}
     # libcosim cannot read connectors of enumerations
     kinds |= {port.name: "output" for port in part.outputs if not port.items or f"{part.name}.{port.name}" in wired}
-    return kinds | {name: kinds.get(name, "") for name in _start(system, part)}
+    return kinds | {name: kinds.get(name, "") for name in start_values(system.start, part.name)}
 
 
 def _connectors(

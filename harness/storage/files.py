@@ -9,7 +9,7 @@ import shutil
 import stat
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from functools import cache
@@ -178,6 +178,22 @@ def _beside(path: Path) -> Path:
 
 def _hash(content: bytes) -> bytes:
     return hashlib.sha256(content).hexdigest().encode()
+
+
+def hash_of(texts: Iterable[str], begin: bytes = b"") -> str:
+    """Return the SHA-256 of bytes and the texts after them, in hexadecimal digits."""
+    digest = hashlib.sha256(begin)
+    for text in texts:
+        digest.update(text.encode() + b"\0")
+    return digest.hexdigest()
+
+
+def relative(file: Path, folder: Path) -> str:
+    """Return the path of a file relative to a folder, with slashes; the whole path on another drive of Windows."""
+    try:
+        return Path(os.path.relpath(file, folder)).as_posix()
+    except ValueError:
+        return file.resolve().as_posix()
 
 
 def stamped() -> str | None:

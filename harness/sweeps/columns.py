@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from harness.errors import SweepError
 from harness.parts.part import PortType
+from harness.result import DTYPES
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Outcome
 
 _OWN: Final = ("run", "wall_time", "error", "warnings")
-DTYPES: Final = {"Real": np.float64, "Integer": np.int64, "Boolean": np.bool_}
 
 
 class Storage(Protocol):

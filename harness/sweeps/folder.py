@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from harness.errors import SweepError
 from harness.parts.part import PortType
+from harness.result import DTYPES
 from harness.storage.files import atomic_path, make_folder
-from harness.sweeps.columns import DTYPES, Columns
+from harness.sweeps.columns import Columns
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Outcome
 

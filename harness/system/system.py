@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 from harness.errors import ExperimentError, HarnessError, StartValueError, UnconnectedError, UnknownNameError, WireError
+from harness.notebook import system_html, system_text
 from harness.parts.flat_description import element_names
 from harness.parts.fmu import FmuPart
 from harness.parts.guard import Guard
@@ -269,16 +270,8 @@ class System:
                 part.close()
             raise
 
-    def __repr__(self) -> str:
-        from harness.notebook import system_text
-
-        return system_text(self)
-
-    def _repr_html_(self) -> str:
-        """Return parts, connections and start values as tables, for a notebook."""
-        from harness.notebook import system_html
-
-        return system_html(self)
+    __repr__ = system_text
+    _repr_html_ = system_html
 
     def with_parameters(
         self, parameters: str | Path | ParameterSet | Mapping[str, Parameter | StartValue], prefix: str = ""

@@ -1,6 +1,5 @@
 """Systems as TOML files."""
 
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +12,7 @@ from harness.extras import MODELS
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Part, StartValue
 from harness.parts.series import SeriesPart
-from harness.storage.files import atomic_path
+from harness.storage.files import atomic_path, relative
 from harness.storage.toml_file import TomlTable, read_table
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
@@ -177,18 +176,11 @@ def _start_value(value: object) -> Any:
 
 def _part_table(part: Part, path: Path) -> dict[str, Any]:
     if isinstance(part, FmuPart):
-        origin = {"model": part.model} if part.model else {"fmu": _relative(part.path, path)}
+        origin = {"model": part.model} if part.model else {"fmu": relative(part.path, path.parent)}
         every = {"every": part.every} if part.every != 1 else {}
         return {**origin, **every}
     if isinstance(part, SeriesPart) and part.path is not None:
-        return {"record": _relative(part.path, path), "interpolation": part.interpolation, "beyond": part.beyond}
+        return {"record": relative(part.path, path.parent), "interpolation": part.interpolation, "beyond": part.beyond}
     raise SystemFileError(
         f"part '{part.name}' cannot be written to {path}: only FMUs and recorded files have a place in it"
     )
-
-
-def _relative(target: Path, path: Path) -> str:
-    try:
-        return Path(os.path.relpath(target, path.parent)).as_posix()
-    except ValueError:  # another drive
-        return target.resolve().as_posix()

@@ -12,7 +12,7 @@ import pytest
 from friction_fmus import fmu
 from friction_fmus.identification import Estimate, Identification, ModelComparison, Score
 from harness import CallablePart, FmuPart, Port, System
-from harness.notebook import html_table
+from harness.notebook import Listing
 
 
 def cells(html: str) -> list[str]:
@@ -93,6 +93,6 @@ def test_a_comparison_of_models() -> None:
 
 @pytest.mark.parametrize("cell", ["<script>", "a & b", '"quoted"'])
 def test_texts_are_escaped(cell: str) -> None:
-    shown = html_table(cell, [cell], [[cell]])
+    shown = Listing(cell, [cell], [[cell]]).html()
     assert cells(shown) == [cell, cell]
     assert "<script>" not in shown

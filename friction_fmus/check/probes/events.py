@@ -1,8 +1,9 @@
 """Probes of model exchange: events, states, derivatives, event indicators, and the order of calls."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from ctypes import byref, c_double, c_int, c_size_t, c_uint
+from functools import partial
 from typing import Any, Final
 
 from .fmi2_library import (
@@ -10,7 +11,6 @@ from .fmi2_library import (
     OK,
     WARNING,
     EventInfo,
-    ProbedVariable,
     RawExchange,
     RawInstance,
     RawLibrary,
@@ -138,12 +138,6 @@ def history(library: RawLibrary, report: Report) -> None:
 # ---- derivatives
 
 
-def _inputs(library: RawLibrary) -> Iterator[ProbedVariable]:
-    for v in library.variables:
-        if v.type == "Real" and v.causality == "input" and v.variability == "continuous":
-            yield v
-
-
 @probe(only=_ONLY)
 def directional(library: RawLibrary, report: Report) -> None:
     """Check directional derivatives of the state derivatives against differences, where these are smooth."""
@@ -159,12 +153,12 @@ def directional(library: RawLibrary, report: Report) -> None:
         t, x, scale = library.start_time + 3 * library.job["step"], run.states(), run.nominals()
         x = [value + 0.01 * size for value, size in zip(x, scale, strict=True)]
         run.go_to(t, x)
-        settings: list[tuple[str, int, float, float, Callable[[float], None]]] = []
+        settings: list[tuple[str, int, float, float, Callable[[float], object]]] = []
         for k, row in enumerate(rows):
             settings.append((row["state"], row["state_reference"], x[k], scale[k], _state_setter(run, t, x, k)))
-        for v in _inputs(library):
+        for v in library.continuous("input"):
             _, value = run.read_status(v)
-            settings.append((v.name, v.reference, value, v.nominal, _input_setter(run, v)))
+            settings.append((v.name, v.reference, value, v.nominal, partial(run.write_status, v)))
         for name, reference, value, size, set_to in settings:
             column = (c_double * len(rows))()
             arguments = (unknowns, c_size_t(len(rows)), (c_uint * 1)(reference), c_size_t(1), (c_double * 1)(1.0))
@@ -179,19 +173,12 @@ def directional(library: RawLibrary, report: Report) -> None:
                     report("directional", f"{what}, but differences give {difference[0]:.6g}; correct it", name)
 
 
-def _state_setter(run: RawExchange, t: float, x: list[float], k: int) -> Callable[[float], None]:
+def _state_setter(run: RawExchange, t: float, x: list[float], k: int) -> Callable[[float], object]:
     return lambda value: run.go_to(t, [*x[:k], value, *x[k + 1 :]])
 
 
-def _input_setter(run: RawExchange, v: ProbedVariable) -> Callable[[float], None]:
-    def set_to(value: float) -> None:
-        run.write_status(v, value)
-
-    return set_to
-
-
 def _differences(
-    run: RawExchange, set_to: Callable[[float], None], value: float, step: float
+    run: RawExchange, set_to: Callable[[float], object], value: float, step: float
 ) -> list[tuple[float, float] | None]:
     """Return difference quotients with their error from rounding; None beside a kink."""
     rates = []

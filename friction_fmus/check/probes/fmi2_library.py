@@ -161,6 +161,11 @@ class RawLibrary:
         """Return a capability flag."""
         return bool(self.job["flags"].get(name))
 
+    def continuous(self, causality: str) -> list[ProbedVariable]:
+        """Return the continuous Real variables with a causality."""
+        found = (v for v in self.variables if v.causality == causality)
+        return [v for v in found if v.type == "Real" and v.variability == "continuous"]
+
     def call(self, function: str, *arguments: object) -> Any:
         """Call a function, given without its prefix, and return its result."""
         if function in self.missing:

@@ -1,6 +1,7 @@
 """Probes of what FMI 3.0 adds: all types and arrays, configuration mode, clocks, adjoints, intermediate update."""
 
 import math
+from collections.abc import Sequence
 from ctypes import byref, c_bool, c_double, c_int, c_size_t, c_uint, c_void_p
 from typing import Any
 
@@ -12,19 +13,15 @@ _MOST_UPDATES = 100
 _GOOD = (OK, WARNING)
 
 
-def _get(library: RawLibrary3, pointer: int | None, row: dict[str, Any]) -> tuple[int, list[Any]]:
-    buffer = (BUFFERS[row["type"]] * row["count"])()
-    kind = "Int64" if row["type"] == "Enumeration" else row["type"]
-    reference, n = (c_uint * 1)(row["reference"]), c_size_t(row["count"])
-    status = library.raw(f"Get{kind}", c_void_p(pointer), reference, c_size_t(1), buffer, n)
-    return int(status), list(buffer)
-
-
-def _set(library: RawLibrary3, pointer: int | None, row: dict[str, Any], values: list[Any]) -> int:
+def _access(
+    verb: str, library: RawLibrary3, pointer: int | None, row: dict[str, Any], values: Sequence[Any] = ()
+) -> tuple[int, list[Any]]:
+    """Get or set a variable; return the status and its elements."""
     buffer = (BUFFERS[row["type"]] * row["count"])(*values)
     kind = "Int64" if row["type"] == "Enumeration" else row["type"]
     reference, n = (c_uint * 1)(row["reference"]), c_size_t(row["count"])
-    return int(library.raw(f"Set{kind}", c_void_p(pointer), reference, c_size_t(1), buffer, n))
+    status = library.raw(f"{verb}{kind}", c_void_p(pointer), reference, c_size_t(1), buffer, n)
+    return int(status), list(buffer)
 
 
 @probe(only="FMI 3.0")
@@ -35,7 +32,7 @@ def arrays(library: RawLibrary, report: Report) -> None:
         run.begin()
         for row in library.job["arrays"]:
             name, kind = row["name"], row["type"]
-            status, found = _get(library, run.pointer, row)
+            status, found = _access("Get", library, run.pointer, row)
             if status not in _GOOD:
                 message = f"fmi3Get{kind} of {name} fails{last_message(library)}; make every declared variable readable"
                 report("variable-not-readable", message, name)
@@ -43,7 +40,7 @@ def arrays(library: RawLibrary, report: Report) -> None:
             stated = row["starts"]
             if stated and any(abs(a - b) > 1e-6 * abs(b) for a, b in zip(found, stated, strict=True)):
                 report("start-differs", f"{name} starts at {found}, but at {stated} in the XML; make them agree", name)
-            if stated and row["settable"] and _set(library, run.pointer, row, found) not in _GOOD:
+            if stated and row["settable"] and _access("Set", library, run.pointer, row, found)[0] not in _GOOD:
                 report(
                     "variable-not-settable", f"{name} rejects its start value{last_message(library)}; accept it", name
                 )
@@ -59,7 +56,7 @@ def configuration(library: RawLibrary, report: Report) -> None:
     with RawInstance(library) as run:
         run.must("EnterConfigurationMode")
         for row in rows:
-            if _set(library, run.pointer, row, row["starts"]) not in _GOOD:
+            if _access("Set", library, run.pointer, row, row["starts"])[0] not in _GOOD:
                 message = (
                     f"{row['name']} rejects its start value in configuration mode{last_message(library)}; accept it"
                 )
@@ -67,7 +64,8 @@ def configuration(library: RawLibrary, report: Report) -> None:
         run.must("ExitConfigurationMode")
         run.begin()
         for row in rows:
-            if row["variability"] == "fixed" and _set(library, run.pointer, row, row["starts"]) in _GOOD:
+            fixed = row["variability"] == "fixed"
+            if fixed and _access("Set", library, run.pointer, row, row["starts"])[0] in _GOOD:
                 message = f"{row['name']} is set in initialization mode; allow that in configuration mode only"
                 report("fmi3-configuration", message, row["name"])
         run.must("ExitInitializationMode")

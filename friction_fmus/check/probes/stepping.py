@@ -224,16 +224,10 @@ def serialization(library: RawLibrary, report: Report) -> None:
 # ---- derivatives
 
 
-def _continuous(library: RawLibrary, causality: str) -> list[ProbedVariable]:
-    return [
-        v for v in library.variables if v.type == "Real" and v.causality == causality and v.variability == "continuous"
-    ]
-
-
 @probe(only="co-simulation")
 def derivatives(library: RawLibrary, report: Report) -> None:
     """Check the functions of declared capabilities for derivatives."""
-    inputs, outputs = _continuous(library, "input")[:1], _continuous(library, "output")[:1]
+    inputs, outputs = library.continuous("input")[:1], library.continuous("output")[:1]
     one, result = (c_double * 1)(1.0), (c_double * 1)()
     order = (c_int * 1)(1)
     calls: dict[str, tuple[bool, str, tuple[object, ...]]] = {

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from friction_fmus.cli.arguments import add_column_options, add_json, parse_assignment, print_json
+from friction_fmus.cli.arguments import add_column_options, add_json, add_workers, parse_assignment, print_json
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification.methods import method_names
 from harness.processors import available
@@ -66,13 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "temperature, gain)",
     )
     parser.add_argument("--viscous", action="store_true", help="add viscous friction (Fv) to models that have none")
-    parser.add_argument(
-        "--workers",
-        type=int,
-        default=available(),
-        metavar="N",
-        help="number of processes; default: number of processors",
-    )
+    add_workers(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -130,11 +124,10 @@ def run(options: argparse.Namespace) -> int:
             else (),
         },
     )
+    workers = available() if options.workers is None else max(1, options.workers)
     with progress_bar() as bar:
         progress = RunBar(bar, "identifying").update
-        found = compare_models(
-            models, task, max(1, options.workers), progress, lambda each: tables.show_ready(bar, each)
-        )
+        found = compare_models(models, task, workers, progress, lambda each: tables.show_ready(bar, each))
     known = train[0].units.known
     fmus = known and (options.force or not wrong)
     files = write_results(found, measurement, findings, windows, options.output, fmus=fmus)

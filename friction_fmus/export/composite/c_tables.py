@@ -57,9 +57,16 @@ def _array(declaration: str, texts: Sequence[str]) -> list[str]:
     return [f"static const {declaration}[] = {{", *rows, "};"]
 
 
-def c_rows(declaration: str, rows: Sequence[str], empty: str) -> list[str]:
-    """Return the lines of an array of these rows; without rows, `empty` is its only one."""
-    return [f"static const {declaration}[] = {{", *(rows or [f"    {empty},"]), "};"]
+def c_rows(declaration: str, rows: Iterable[Iterable[object]], empty: Iterable[object] = (0,)) -> list[str]:
+    """Return the lines of an array of structs; without rows, `empty` is its only one."""
+    texts = [f"    {{{', '.join(map(str, row))}}}," for row in list(rows) or [empty]]
+    return [f"static const {declaration}[] = {{", *texts, "};"]
+
+
+def c_texts(name: str, texts: Iterable[str]) -> list[str]:
+    """Return the lines of an array of texts, as `c_reals`."""
+    rows = [f"    {c_string(text)}," for text in texts] or ['    "",']
+    return [f"static const char *const {name}[] = {{", *rows, "};"]
 
 
 _SETTINGS = {True: "SET_EARLY", False: "SET_ALWAYS"}
@@ -214,17 +221,16 @@ class _Writer:
             exchange = functions.replace("functions", "exchange") if self._exchanges else "NULL"
             table = f"&series_{index}" if isinstance(part, SeriesPart) else "NULL"
             flags = part.archive.description.coSimulation if isinstance(part, FmuPart) else None
-            numbers = (
-                *(self._ranges(*plan.inputs[index]), self._ranges(*plan.outputs[index])),
-                *(str(int(x)) for x in (plan.every[index], plan.phase[index], part.sampled)),
-                *(str(int(bool(flags is not None and flags.canInterpolateInputs))), exchange),
-                *(str(len(self._states(part))), str(self._indicators(part))),
-            )
             rows.append(
-                f"    {{{c_string(part.name)}, {functions}, {table}, inputs_{index}, outputs_{index}, "
-                f"{', '.join(numbers)}}},"
+                (
+                    *(c_string(part.name), functions, table, f"inputs_{index}", f"outputs_{index}"),
+                    *(self._ranges(*plan.inputs[index]), self._ranges(*plan.outputs[index])),
+                    *(int(x) for x in (plan.every[index], plan.phase[index], part.sampled)),
+                    *(int(bool(flags is not None and flags.canInterpolateInputs)), exchange),
+                    *(len(self._states(part)), self._indicators(part)),
+                )
             )
-        return [*found, "static const PartData part_data[] = {", *rows, "};"]
+        return [*found, *c_rows("PartData part_data", rows)]
 
     def connections(self) -> list[str]:
         plan, loops = self._plan, self._loops
@@ -232,36 +238,30 @@ class _Writer:
         for i in self._lengths:
             target = next(part for part, (first, last) in enumerate(plan.inputs) if first <= i < last)
             fresh = plan.fresh_inputs(Schedule(implicit=True))[i]
-            row = (i, self._lengths[i], plan.every[target], plan.phase[target], fresh)
             first = plan.initials[i]
-            numbers = f"{int(not np.isnan(first))}, {c_number(np.nan_to_num(first))}"
-            delays.append(f"    {{{', '.join(str(int(x)) for x in row)}, {numbers}}},")
+            row = (i, self._lengths[i], plan.every[target], plan.phase[target], fresh, not np.isnan(first))
+            delays.append((*map(int, row), c_number(np.nan_to_num(first))))
         begins = np.searchsorted([wire.target for wire in loops.wires], range(len(plan.parts) + 1))
-        lines = [f"    {{{', '.join(map(str, line))}}}," for line in loops.line_data()]
         return [
             *c_integers("source_of", plan.sources),
             *c_reals("wire_gains", plan.wire_gains),
             *c_reals("wire_offsets", plan.wire_offsets),
-            *c_rows("DelayData delay_data", delays, "{0, 0, 0, 0, 0, 0, 0.0}"),
+            *c_rows("DelayData delay_data", delays, (0, 0, 0, 0, 0, 0, 0.0)),
             *c_integers("line_inputs", [wire.input for wire in loops.wires]),
             *c_integers("lines_from", begins),
-            *c_rows("LineData line_data", lines, "{0, 0, 0, 0}"),
+            *c_rows("LineData line_data", loops.line_data()),
         ]
 
     def loops(self) -> list[str]:
         plan, loops = self._plan, self._loops
-        groups = [f"    {{{', '.join(str(getattr(row, field)) for field, *_ in row._fields_)}}}," for row in loops.rows]
-        contacts = [f"    {{{', '.join(map(str, contact))}}}," for contact in loops.contacts]
-        states = [f"    {{{output}, {unit}}}," for output, unit in loops.states]
-        names = [f"    {c_string(_brief(loops.shown(number)))}," for number in range(len(loops.rows))]
-        lines = [f"    {c_string(f'{plan.names[wire.output]} -> {plan.names[wire.input]}')}," for wire in loops.wires]
+        groups = [[getattr(row, field) for field, *_ in row._fields_] for row in loops.rows]
         return [
-            *c_rows("Group group_data", groups, "{0}"),
-            *c_rows("Contact contact_data", contacts, "{0}"),
+            *c_rows("Group group_data", groups),
+            *c_rows("Contact contact_data", loops.contacts),
             *c_integers("load_inputs", loops.loads),
-            *c_rows("StateOutput state_data", states, "{0}"),
-            *c_rows("char *const loop_names", names, '""'),
-            *c_rows("char *const line_names", lines, '""'),
+            *c_rows("StateOutput state_data", loops.states),
+            *c_texts("loop_names", [_brief(loops.shown(number)) for number in range(len(loops.rows))]),
+            *c_texts("line_names", [f"{plan.names[wire.output]} -> {plan.names[wire.input]}" for wire in loops.wires]),
             *c_integers("part_order", loops.order),
             *c_integers("group_lines", loops.lines),
             *c_integers("continuous", [part.moves for part in plan.parts]),
@@ -280,7 +280,7 @@ class _Writer:
             assert isinstance(part, FmuPart), "a series has no start values"
             kind = TYPE_ORDER.index(part.archive.ports[port].type)
             reference = part.archive.variables[port].valueReference
-            rows.append(f"    {{{self._index[owner]}, {kind}, {reference}, {c_number(float(value))}}},")
+            rows.append((self._index[owner], kind, reference, c_number(float(value))))
         return [
             *c_integers("start_order", start.order),
             *c_integers("root_signals", start.roots),
@@ -290,7 +290,7 @@ class _Writer:
             *c_integers("direct_parts", self._direct()),
             *c_reals("own_starts", own),
             *c_reals("input_starts", [float(variable.start or 0.0) for variable in self._inputs]),
-            *c_rows("StartValue start_values", rows, "{0, 0, 0, 0.0}"),
+            *c_rows("StartValue start_values", rows, (0, 0, 0, 0.0)),
         ]
 
     def variables(self) -> list[str]:
@@ -305,13 +305,14 @@ class _Writer:
             setting = "SET_ALWAYS" if is_input else _SETTINGS[v.early] if v.start is not None else "SET_NEVER"
             reference = inputs.index(v.name) if is_input else v.reference
             finite = v.port.type == "Real" and (not is_input or v.name in moved)
-            row = (
-                *(c_string(v.name), self._index[v.part] if v.part else -1, exchanged.get(v.name, -1), reference),
-                *(TYPE_ORDER.index(v.port.type), setting, *map(c_number, v.port.limits)),
-                *(int(is_input), int(is_output), int(v.name in kept), int(finite)),
+            rows.append(
+                (
+                    *(c_string(v.name), self._index[v.part] if v.part else -1, exchanged.get(v.name, -1), reference),
+                    *(TYPE_ORDER.index(v.port.type), setting, *map(c_number, v.port.limits)),
+                    *(int(is_input), int(is_output), int(v.name in kept), int(finite)),
+                )
             )
-            rows.append(f"    {{{', '.join(str(x) for x in row)}}},")
-        return ["static const Variable variables[] = {", *rows, "};"]
+        return c_rows("Variable variables", rows)
 
     def _states(self, part: Part) -> Mapping[str, str]:
         return states(part) if self._exchanges and isinstance(part, FmuPart) else {}

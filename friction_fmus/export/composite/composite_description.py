@@ -12,7 +12,7 @@ from lxml import etree
 
 from friction_fmus.export.composite.composite_interface import CompositeVariable, PartCode, reinitialised, states
 from friction_fmus.fmi.html_page import page, row, table
-from friction_fmus.fmi.model_description import LOG_CATEGORIES, declare_traits, icon_root
+from friction_fmus.fmi.model_description import LOG_CATEGORIES, declare_traits, icon_root, shortest
 from harness.errors import BuildError
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Part
@@ -34,13 +34,8 @@ def step_dependencies(system: Assembly, variables: Sequence[CompositeVariable]) 
     held = {v.state for v in variables if v.state}
     knowns = {v.inner: i for i, v in enumerate(variables, start=1) if v.causality == "input" or v.name in held}
     stated = {name: _direct(part, exchanges=bool(held)) for name, part in system.parts.items()}
-
-    def direct(name: str) -> Iterable[str]:
-        owner, own = split_name(name)
-        return (f"{owner}.{port}" for port in stated.get(owner, {}).get(own, ()))
-
     return {
-        v.name: sorted(knowns[name] for name in _reached(v.inner, direct, drivers) if name in knowns)
+        v.name: sorted(knowns[name] for name in _reached(v.inner, stated, drivers) if name in knowns)
         for v in variables
         if v.causality == "output" or v.state
     }
@@ -64,39 +59,32 @@ def start_dependencies(system: Assembly, variables: Sequence[CompositeVariable])
     """Return for each calculated variable the indices of those on which its start value depends; None: on all."""
     drivers = _drivers(system.wires)
     knowns = {v.inner: i for i, v in enumerate(variables, start=1) if v.causality == "input" or v.initial == "exact"}
-    stated = {name: _stated(part) for name, part in system.parts.items() if isinstance(part, FmuPart)}
-    if any(found is None for found in stated.values()):
+    fmus = {name: part for name, part in system.parts.items() if isinstance(part, FmuPart)}
+    unknowns = {name: part.archive.description.initialUnknowns for name, part in fmus.items()}
+    if any(unknown.dependencies is None for listed in unknowns.values() for unknown in listed):
         return {v.name: None for v in variables}
-
-    def direct(name: str) -> Iterable[str]:
-        owner, own = split_name(name)
-        return (f"{owner}.{port}" for port in (stated.get(owner) or {}).get(own, ()))
-
+    stated = {
+        name: {unknown.variable.name: [known.name for known in unknown.dependencies] for unknown in listed}
+        for name, listed in unknowns.items()
+    }
     return {
-        v.name: sorted(knowns[name] for name in _reached(v.inner, direct, drivers) if name in knowns)
+        v.name: sorted(knowns[name] for name in _reached(v.inner, stated, drivers) if name in knowns)
         for v in variables
         if v.initial == "calculated"
     }
-
-
-def _stated(part: FmuPart) -> dict[str, list[str]] | None:
-    """Return the initial dependencies that an FMU declares; None if it does not declare all of them."""
-    unknowns = part.archive.description.initialUnknowns
-    if any(unknown.dependencies is None for unknown in unknowns):
-        return None
-    return {unknown.variable.name: [known.name for known in unknown.dependencies] for unknown in unknowns}
 
 
 def _drivers(wires: Iterable[Wire]) -> Mapping[str, str]:
     return {wire.target: wire.source for wire in wires}
 
 
-def _reached(output: str, direct: Callable[[str], Iterable[str]], drivers: Mapping[str, str]) -> set[str]:
-    """Return all variables on which an output depends: directly, or through connections."""
+def _reached(output: str, stated: Mapping[str, Mapping[str, Iterable[str]]], drivers: Mapping[str, str]) -> set[str]:
+    """Return all variables on which an output depends: as its part states, or through connections."""
     found: set[str] = set()
     pending = [output]
     while pending:
-        for name in direct(pending.pop()):
+        owner, own = split_name(pending.pop())
+        for name in (f"{owner}.{port}" for port in stated.get(owner, {}).get(own, ())):
             if name not in found:
                 found.add(name)
                 if name in drivers:
@@ -248,7 +236,7 @@ def composite_description(
     times = {"startTime": experiment.start, "stopTime": experiment.stop, "stepSize": experiment.step}
     if experiment.tolerance:
         times["tolerance"] = experiment.tolerance
-    etree.SubElement(root, "DefaultExperiment", {name: _number(value) for name, value in times.items()})
+    etree.SubElement(root, "DefaultExperiment", {name: shortest(value) for name, value in times.items()})
     declare_traits(root)
     listed = etree.SubElement(root, "ModelVariables")
     places = {variable.name: i for i, variable in enumerate(variables, start=1)}
@@ -282,11 +270,7 @@ def exchange_capabilities(fmus: Sequence[FmuPart]) -> dict[str, str]:
     flags = [fmu.archive.description.modelExchange for fmu in fmus]
     return {
         "completedIntegratorStepNotNeeded": _flag(all(each.completedIntegratorStepNotNeeded for each in flags)),
-        **_once(flags),
-        "canNotUseMemoryManagementFunctions": "true",
-        "canGetAndSetFMUstate": "true",
-        "canSerializeFMUstate": _flag(all(each.canSerializeFMUstate for each in flags)),
-        "providesDirectionalDerivative": _flag(all(each.providesDirectionalDerivative for each in flags)),
+        **_of_both(flags),
     }
 
 
@@ -298,18 +282,20 @@ def capabilities(parts: Mapping[str, Part]) -> dict[str, str]:
         "canHandleVariableCommunicationStepSize": "true",
         "canInterpolateInputs": "true",
         "maxOutputDerivativeOrder": str(min(1, *orders)),
-        **_once(flags),
-        "canNotUseMemoryManagementFunctions": "true",
-        "canGetAndSetFMUstate": "true",
-        "canSerializeFMUstate": _flag(all(each.canSerializeFMUstate for each in flags)),
-        "providesDirectionalDerivative": _flag(provides_derivatives(parts)),
+        **_of_both(flags),
     }
 
 
-def _once(flags: Iterable[Any]) -> dict[str, str]:
-    """Return the flag of an FMU with a part that keeps data outside of its instances."""
+def _of_both(flags: Sequence[Any]) -> dict[str, str]:
+    """Return the flags of co-simulation or model exchange; a part may keep data outside of its instances."""
     once = any(each.canBeInstantiatedOnlyOncePerProcess for each in flags)
-    return {"canBeInstantiatedOnlyOncePerProcess": "true"} if once else {}
+    return {
+        **({"canBeInstantiatedOnlyOncePerProcess": "true"} if once else {}),
+        "canNotUseMemoryManagementFunctions": "true",
+        "canGetAndSetFMUstate": "true",
+        "canSerializeFMUstate": _flag(all(each.canSerializeFMUstate for each in flags)),
+        "providesDirectionalDerivative": _flag(all(each.providesDirectionalDerivative for each in flags)),
+    }
 
 
 def provides_derivatives(parts: Mapping[str, Part]) -> bool:
@@ -320,10 +306,6 @@ def provides_derivatives(parts: Mapping[str, Part]) -> bool:
 
 def _flag(value: bool) -> str:
     return "true" if value else "false"
-
-
-def _number(value: float) -> str:
-    return repr(float(value)).removesuffix(".0")
 
 
 def _units(root: etree._Element, fmus: Iterable[FmuPart], variables: Sequence[CompositeVariable]) -> None:
@@ -348,13 +330,13 @@ def _units(root: etree._Element, fmus: Iterable[FmuPart], variables: Sequence[Co
         if base is not None:
             powers = zip(BASE_SYMBOLS, base.exponents, strict=True)
             attributes = {name: str(power) for name, power in powers if power}
-            attributes |= {"factor": _number(base.factor)} if base.factor != 1.0 else {}
-            attributes |= {"offset": _number(base.offset)} if base.offset != 0.0 else {}
+            attributes |= {"factor": shortest(base.factor)} if base.factor != 1.0 else {}
+            attributes |= {"offset": shortest(base.offset)} if base.offset != 0.0 else {}
             etree.SubElement(element, "BaseUnit", attributes)
         for display in stated[unit].displayUnits if unit in stated else ():
-            attributes = {"name": display.name, "factor": _number(float(display.factor))}
+            attributes = {"name": display.name, "factor": shortest(display.factor)}
             if float(display.offset):
-                attributes["offset"] = _number(float(display.offset))
+                attributes["offset"] = shortest(display.offset)
             etree.SubElement(element, "DisplayUnit", attributes)
 
 
@@ -395,7 +377,7 @@ def _variable(
         start = {} if variable.start is None else {"start": _flag(bool(variable.start))}
         etree.SubElement(scalar, "Boolean", start)
         return
-    convert: Callable[[float], str] = _number if port.type == "Real" else lambda value: str(int(value))
+    convert: Callable[[float], str] = shortest if port.type == "Real" else lambda value: str(int(value))
     typed: dict[str, str] = {}
     if variable.type_name in types:
         typed["declaredType"] = str(variable.type_name)

@@ -59,8 +59,7 @@ def shaped(fit: AxisFit, force: Array, position_delay: float, delay_cycles: int,
     factor = np.minimum(left / (1.0 + reversal_lookahead), 1.0)
     if position_delay:
         factor = factor * np.minimum(np.abs(fit.motion.r - fit.motion.r[begin]) / position_delay, 1.0)
-    late: Array = np.concatenate([np.zeros(delay_cycles), factor * force])[: len(n)]
-    return late
+    return np.concatenate([np.zeros(delay_cycles), factor * force])[: len(n)]
 
 
 def write(axis: IdentifiedAxis, folder: Path, rated: str = "", rows: str = str(MOST_ROWS)) -> list[Path]:

@@ -145,8 +145,7 @@ class Problem:
         share = (force - alone) / np.where(measured == 0.0, np.inf, measured)
         numbers = {name: float(value) for name, value in given.items()}
         needed = force_beside(numbers, segment) + numbers.get("OF", 0.0) + numbers.get("M", 0.0) * segment.a
-        found: Array = alone + share * (alone + needed) / np.maximum(1.0 - share, JAMS)
-        return found
+        return alone + share * (alone + needed) / np.maximum(1.0 - share, JAMS)
 
     def error(self, x: Array, index: int) -> Array:
         """Return the error of one segment over the size of the signal; infinite if the block rejects the values."""

@@ -76,8 +76,7 @@ class TableRegressor:
     def coefficients(self, residual: Array) -> Array:
         """Return the coefficients that reduce a residual of shape (n,) or (n, columns) most."""
         factor = object.__getattribute__(self, "_factor")
-        found: Array = -scipy.linalg.cho_solve(factor, self.columns.T @ residual)
-        return found
+        return -scipy.linalg.cho_solve(factor, self.columns.T @ residual)
 
     def project(self, residual: Array) -> Array:
         """Return the residual that remains, followed by the coefficients, so that their squares add up to the cost."""

@@ -164,8 +164,7 @@ def _own(rows: Array, arcs: Sequence[Arc], k: int) -> Array:
 def _gaps(arcs: Sequence[Arc], ends: Array, states: Array) -> Array:
     """Return the end of each arc minus the beginning of the one that follows it, shape (pairs, 2)."""
     first = [k for k in range(len(arcs)) if _continues(arcs, k)]
-    gaps: Array = ends[first] - states[[k + 1 for k in first]]
-    return gaps
+    return ends[first] - states[[k + 1 for k in first]]
 
 
 def _linearise(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import takewhile
 from typing import NamedTuple, TypeVar
 
-from friction_fmus.lawkit.emit.operations import CALLS, COMPARE, Node
+from friction_fmus.lawkit.emit.operations import CALLS, COMPARE, Node, needed_for
 
 # Absolute positions in single precision as pairs of floats, so that small motions far from zero keep their accuracy.
 #
@@ -427,7 +427,7 @@ class _CircleError(Exception):
 def plan(nodes: Sequence[Node], results: Iterable[int]) -> Block:
     """Return the operations needed for the results, in an order of computation."""
     wanted = tuple(results)
-    order = _needed(nodes, wanted)
+    order = sorted(needed_for(nodes, wanted))
     groups: dict[int, int] = {}
     tried: dict[int, int] = {}  # condition -> number of times its selects were split
     while True:
@@ -449,14 +449,6 @@ def _parted(nodes: Sequence[Node], order: Sequence[int], condition: int, *, sing
             groups[number] = number if singly else depth[number]
             depth[number] += 1
     return groups
-
-
-def _needed(nodes: Sequence[Node], results: Iterable[int]) -> list[int]:
-    found = set(results)
-    for number in range(len(nodes) - 1, -1, -1):
-        if number in found:
-            found.update(nodes[number].arguments)
-    return sorted(found)
 
 
 def _edge(nodes: Sequence[Node], number: int, side: int, groups: Mapping[int, int]) -> _Edge:

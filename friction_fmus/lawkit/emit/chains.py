@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
-from friction_fmus.lawkit.emit.operations import CONDITIONS, Node
+from friction_fmus.lawkit.emit.operations import CONDITIONS, Node, needed_for
 
 LEAST = 3  # smallest number of elements for which a loop is written
 INDEX = "i"  # index of the element in generated C
@@ -235,15 +235,6 @@ class Search:
             return ""
         element = self._element(column[0])
         return _indexed(*element) if element else ""
-
-
-def needed_for(nodes: Sequence[Node], results: Iterable[int]) -> set[int]:
-    """Return the nodes on which results depend."""
-    found = set(results)
-    for number in range(len(nodes) - 1, -1, -1):
-        if number in found:
-            found.update(nodes[number].arguments)
-    return found
 
 
 def _moved(arguments: Chain, after: Mapping[int, int]) -> Iterator[Chain]:

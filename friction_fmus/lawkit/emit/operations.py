@@ -2,7 +2,7 @@
 
 import math
 import struct
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi
@@ -41,6 +41,15 @@ class Node:
     def is_leaf(self) -> bool:
         """Whether it is computed wherever it is used: an argument, a number, an index or a brief expression."""
         return self.brief or self.operation in ("CONST", "INPUT", "INDEX")
+
+
+def needed_for(nodes: Sequence[Node], results: Iterable[int]) -> set[int]:
+    """Return the nodes on which results depend."""
+    found = set(results)
+    for number in range(len(nodes) - 1, -1, -1):
+        if number in found:
+            found.update(nodes[number].arguments)
+    return found
 
 
 def graph(function: Function) -> tuple[list[Node], list[int]]:
@@ -205,7 +214,10 @@ class Zeros:
 
     def _is_positive_power(self, node: Node) -> bool:
         """Return whether a node is a power with a positive exponent, which makes a zero of a zero."""
-        return node.operation in ("POW", "CONSTPOW") and self._is_above_zero(node.arguments[1])
+        if node.operation not in ("POW", "CONSTPOW"):
+            return False
+        exponent = self._nodes[node.arguments[1]]
+        return exponent.operation == "CONST" and exponent.value > 0.0
 
     def _terms(self, node: Node) -> list[int]:
         """Return the terms whose sign affects the sign of a sum of zeros: it is -0.0 only if both terms are."""
@@ -219,7 +231,3 @@ class Zeros:
     def _never_zero(self, number: int) -> bool:
         node = self._nodes[number]
         return node.operation == "CONST" and node.value != 0.0
-
-    def _is_above_zero(self, number: int) -> bool:
-        node = self._nodes[number]
-        return node.operation == "CONST" and node.value > 0.0

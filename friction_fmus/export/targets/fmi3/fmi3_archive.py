@@ -1,6 +1,5 @@
 """The archive of an FMU in FMI 3.0."""
 
-import hashlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
@@ -15,7 +14,7 @@ from friction_fmus.export.targets import SourceFmu
 from harness.compiling import toolchain
 from harness.compiling.platforms import Platform, linked
 from harness.compiling.toolchain import guid_of, included, source_folder
-from harness.storage.files import cached
+from harness.storage.files import cached, hash_of
 from harness.storage.zip_file import zipped
 
 TYPES: Final[Mapping[str, str]] = {"Real": "Float64", "Integer": "Int32", "Enumeration": "Int32", "Boolean": "Boolean"}
@@ -338,17 +337,11 @@ static const uint32_t state_variables[STATE_VARIABLES + 1] = {{{states}}};
 def fmi_3(source: SourceFmu, *, clocks: bool = False, arrays: bool = False) -> bytes:
     """Return the FMI 3.0 FMU, from the cache or compiled."""
     shell = {path.name: path.read_text("utf-8") for path in sorted((source_folder() / "fmi3").glob("*.h"))}
-    digest = hashlib.sha256(source.content)
     modules = (path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.glob("*.py")))
+    parts = (part for item in sorted(shell.items()) for part in item)
     identities = (text for each in source.platforms for text in (each.folder, *map(toolchain.identity, each.targets)))
-    for text in (
-        f"{clocks} {arrays}",
-        *modules,
-        *(part for item in sorted(shell.items()) for part in item),
-        *identities,
-    ):
-        digest.update(text.encode() + b"\0")
-    path = toolchain.cache_folder() / "fmi3" / f"{digest.hexdigest()[:24]}.fmu"
+    digest = hash_of((f"{clocks} {arrays}", *modules, *parts, *identities), source.content)
+    path = toolchain.cache_folder() / "fmi3" / f"{digest[:24]}.fmu"
     return cached(path, lambda: _assemble(source, shell, clocks, arrays))
 
 
