@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from thorough import nightly
 
 from friction_fmus.__main__ import main
@@ -86,6 +87,13 @@ def test_units_with_a_temperature_are_no_names(tmp_path: Path) -> None:
     path = saved(tmp_path, "Time,Position,Winding,Torque\ns,rad,Deg C,N.m", T, Q, 30.0 + T, TAU)
     path.write_text(f"2026-05-11 15:22:21.2\n{path.read_text()}")
     assert used(read_measurement(path)) == {"time": "Time", "position": "Position", "force": "Torque"}
+
+
+def test_signals_that_rest_for_nearly_all_of_the_log_are_refused(tmp_path: Path) -> None:
+    levels = np.repeat([1.0, 2.0, 3.0, 4.0, 3.0, 2.0], 2000)
+    slow = lfilter([0.01], [1.0, -0.99], levels)
+    with pytest.raises(AmbiguousColumnsError, match="state the sample time"):
+        read_measurement(saved(tmp_path, "input,output", levels, slow))
 
 
 def test_a_refusal_shows_what_is_known_and_what_is_missing(tmp_path: Path) -> None:
