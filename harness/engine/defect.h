@@ -70,20 +70,21 @@ static void measure_path(const Engine *e, Pair *p)
     p->v = v;
 }
 
-#define JUMP  0.05 /* of the largest force */
-#define STEPS 3.0  /* by which the whole motion may be early */
+#define JUMP   0.05 /* of the largest force */
+#define SUDDEN 0.5  /* the same under Gauss-Seidel: a force that rises over several steps is half a step late */
+#define STEPS  3.0  /* by which the whole motion may be early */
 
-/* A force that acts two steps late changes the velocity by twice the change of the acceleration that follows. Between
-   jumps this error shrinks with the acceleration. */
+/* A force that acts two steps late changes the velocity by twice the change of the acceleration that follows; one that
+   is held for a step, as under Gauss-Seidel, by once that. Between jumps this error shrinks with the acceleration. */
 static void measure_lead(Pair *p, double F, double v)
 {
     const double dF = fabs(F - p->F), dv = v - p->v1;
     if (p->jumped)
-        p->ahead += 2.0 * (dv - p->dv);
+        p->ahead += (double)p->late * (dv - p->dv);
     else if (fabs(dv) < fabs(p->dv))
         p->ahead *= fabs(dv / p->dv);
     p->strongest = fmax(p->strongest, fabs(F));
-    p->jumped = dF > p->dF && dF > JUMP * p->strongest;
+    p->jumped = dF > p->dF && dF > (p->late > 1 ? JUMP : SUDDEN) * p->strongest;
     p->lead += p->ahead;
     p->way += v;
     p->lowest = fmin(p->lowest, p->way);
@@ -114,7 +115,8 @@ static void measure_defects(Engine *e)
         const Defect *const force = &e->defects[p->force], *const velocity = &e->defects[p->velocity];
         const double F = force->mean, v = velocity->mean, passed = F * v * e->step;
         const double made = (force->held * v - velocity->held * F) * e->step;
-        if (fabs(v) <= 0.5 * fabs(velocity->value) && velocity->value != 0.0 && p->contact >= 0)
+        const double before = 2.0 * v - velocity->value; /* at the start of the step */
+        if (before * velocity->value <= 0.0 && velocity->value != 0.0 && p->contact >= 0)
             look_for_rest(e, p, velocity->input);
         if (p->position >= 0)
             measure_path(e, p);

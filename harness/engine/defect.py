@@ -17,9 +17,14 @@ from harness.units import BaseUnit, parse_unit
 
 _LOG = logging.getLogger("harness")
 
-LASTING: Final = 0.05
+LASTING: Final = 0.03
 """Tolerated rms of the persistent defect over the rms of the value. Mass and LuGre friction with steps of 10 to 100 %
-of the stability limit show 0.0005 to 0.02; above the limit they show 0.1 to 0.8."""
+of the stability limit show 0.0005 to 0.02; above the limit they show 0.1 to 0.8. In the search, 8 of 14 runs of jacobi
+that were wrong without a warning had more, and 27 of 186 that were right."""
+
+ONE_SIDED: Final = 0.15
+"""The same where the other value of a force and a velocity is that of the end of the step, as under Gauss-Seidel. In
+the search, all runs with a defect between 0.05 and this that were wrong had another error, and 15 were right."""
 
 ALTERNATING: Final = 2e-3
 """Tolerated mean of the alternating defect over the mean of the value. The same loop shows 1e-9 to 8e-4 below the
@@ -47,7 +52,8 @@ of jacobi that were wrong without a warning have more, and 6 of 116 that are rig
 
 MISSED: Final = 0.003  # tolerated share of the steps in which a contact goes on where friction would hold it at rest
 LIMITS: Final = {
-    "coupling_error": LASTING,
+    "coupling_error": ONE_SIDED,
+    "two_sided_error": LASTING,
     "alternating_error": ALTERNATING,
     "coupling_energy": MADE,
     "unstable_fraction": FEEDING,
@@ -66,8 +72,8 @@ _TEXTS: Final = {
     "result is wrong; use the master newton or adaptive",
     "motion_within_steps": "%(mass)s moves within the steps, by %(value).2g of its path, in ways that its velocity at "
     "their ends does not show: the result is wrong; use the master newton or a shorter step",
-    "late_forces": "%(force)s acts two steps late where it jumps, which changes the motion by %(value).2g of its "
-    "range: the result is wrong; use the master newton or a shorter step",
+    "late_forces": "%(force)s acts %(late)s late where it jumps, which changes the motion by %(value).2g of its range: "
+    "the result is wrong; use the master newton or a shorter step",
 }
 
 
@@ -111,7 +117,7 @@ class Coupling:
             data.force, data.velocity = force, velocity
             data.contact, data.load = self._contact(self.wires[force], self.wires[velocity])
             data.position = position_of(plan, self.wires[velocity])
-            data.late = not (self._fresh[force] or self._fresh[velocity])
+            data.late = (not self._fresh[force]) + (not self._fresh[velocity])
             data.F, data.v1, data.strongest = start[force], start[velocity], abs(start[force])
             if data.position >= 0:
                 data.x, data.v = plan.signals[data.position], plan.signals[self.wires[velocity].output]
@@ -122,12 +128,14 @@ class Coupling:
     def report(self) -> dict[str, str | float]:
         """Log a warning for each connection whose values are wrong."""
         worst = dict.fromkeys(LIMITS, 0.0)
-        for wire, defect in zip(self.wires, self._defects, strict=True):
+        sides = {side for pair in self._pairs if any(self._fresh[side] for side in pair) for side in pair}
+        for number, (wire, defect) in enumerate(zip(self.wires, self._defects, strict=True)):
             lasting = math.sqrt(_share(defect.squares, defect.value_squares))
             alternating = _share(defect.flips, defect.values)
             worst["coupling_error"] = max(worst["coupling_error"], lasting)
+            worst["two_sided_error"] = max(worst["two_sided_error"], 0.0 if number in sides else lasting)
             worst["alternating_error"] = max(worst["alternating_error"], alternating)
-            if lasting > LASTING or alternating > ALTERNATING:
+            if lasting > (ONE_SIDED if number in sides else LASTING) or alternating > ALTERNATING:
                 _LOG.warning(
                     "%s was held during a step with an error of %.2g of its size that persists and of %.2g that "
                     "alternates from step to step: the result is wrong; use the master newton or a shorter step",
@@ -147,6 +155,7 @@ class Coupling:
             }
             names = {"force": self._shown(force), "velocity": self._shown(velocity), "times": pair.missed}
             names |= {"mass": parts[velocity.source].name, "contact": parts[pair.contact].name}
+            names["late"] = "two steps" if pair.late == 2 else "a step"
             for name, value in values.items():
                 worst[name] = max(worst[name], value)
                 if value > LIMITS[name]:

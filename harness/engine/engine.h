@@ -87,7 +87,7 @@ typedef struct {
     double path, strayed;             /* sums: magnitudes of its motions; of their differences from the mean of v */
     double xx, xv, vv;                /* sums of squares and products of these motions and of those by v */
     int64_t missed;                   /* how often the contact went on where it would rest */
-    int64_t late, jumped;             /* both are held, so that the force acts two steps late; it has just jumped */
+    int64_t late, jumped;             /* steps by which the force acts late, one for each held value; it just jumped */
     double F, dF, strongest, v1, dv;  /* its last value, change and largest magnitude; last velocity and change */
     double ahead, lead;               /* error of the velocity by forces that jumped; sum of it over the steps */
     double way, lowest, highest, led; /* sum of the velocity, its range; largest lead beyond a delay of some steps */
