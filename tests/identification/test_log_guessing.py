@@ -122,6 +122,22 @@ def test_a_file_without_headings_is_read_by_its_motion(tmp_path: Path) -> None:
     assert found(measurement)["Fc"] == pytest.approx(2 * FC, rel=0.02)
 
 
+def test_a_scope_that_writes_the_name_before_each_value(tmp_path: Path) -> None:
+    """The format of LinuxCNC's halscope: a sentence with the period, and names in every row, here as in Germany."""
+    names = ("joint.0.motor-pos-cmd", "joint.0.motor-pos-fb", "spindle.0.on", "pid.0.output")
+    lead = Q + 0.01 * V
+    columns = [[f"{name} {x:+.14f}" for x in each] for name, each in zip(names, (lead, Q, 0 * Q, TAU), strict=True)]
+    lines = [re.sub(r"(\d)\.(\d+)(?!\S)", r"\1,\2", " ".join(row)) for row in zip(*columns, strict=True)]
+    path = tmp_path / "halscope.log"
+    path.write_text("\n".join(["Sampling period is 2000000 nSec ", "", *lines]) + "\n", encoding="utf-8")
+    measurement = read_measurement(path)
+    roles = {"position": names[1], "reference": names[0], "force": names[3]}
+    assert {role: name for role, name in used(measurement).items() if role != "time"} == roles
+    (record,) = measurement.records
+    assert record.Ts == pytest.approx(2e-3)
+    assert record.q == pytest.approx(Q, abs=1e-12)
+
+
 def test_two_forces_that_fit_are_asked_about_with_commands_that_work(tmp_path: Path) -> None:
     """A following error of a stiff servo looks like a torque: only a name tells them apart."""
     path = saved(tmp_path, "t [s],q [rad],Ch 1,Ch 2", T, Q, 1.02 * TAU + 0.01 * np.cos(T), 300 * TAU)
