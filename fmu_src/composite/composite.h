@@ -267,6 +267,7 @@ static void wire_newton(Instance *c)
         .order = part_order,
         .continuous = continuous,
         .moving = m->moving,
+        .lines = group_lines,
         .unknowns = unknown_outputs,
         .held = held_inputs,
         .held_values = m->held_values,
@@ -312,12 +313,8 @@ static bool set_start_values(Instance *c)
     memset(c->warned, 0, sizeof c->warned);
     for (int i = 0; i < INPUTS; i++)
         m->inputs[i] = input_starts[i];
-    for (int64_t k = 0; k < LINES; k++) {
-        m->moving[k].inner = line_data[k].inner;
-        m->moving[k].unknown = line_data[k].unknown;
-        m->moving[k].is_force = line_data[k].is_force;
-        m->moving[k].carries = line_data[k].carries;
-    }
+    for (int64_t k = 0; k < LINES; k++)
+        memcpy(&m->moving[k], &line_data[k], sizeof line_data[k]);
     c->refreshed = c->told = c->ended = false;
     MODE(c) = INSTANTIATED;
     m->stop = INFINITY;
@@ -840,8 +837,7 @@ static bool plausible(const Memory *m)
         source += !is_fmu(i);
     }
     for (int64_t k = 0; k < LINES; k++)
-        good = good && m->moving[k].inner == line_data[k].inner && m->moving[k].unknown == line_data[k].unknown &&
-               m->moving[k].is_force == line_data[k].is_force && m->moving[k].carries == line_data[k].carries &&
+        good = good && memcmp(&m->moving[k], &line_data[k], sizeof line_data[k]) == 0 &&
                is_bit(m->moving[k].from_rest) && in_range(m->moving[k].role, FREE, CHANGING) &&
                in_range(m->moving[k].rests, FREE, CHANGING) && in_range(m->moving[k].force, FREE, CHANGING) &&
                in_range(m->moving[k].rigid, -1, 1);
@@ -1422,10 +1418,10 @@ static void warn_of_errors(Instance *c, bool last)
         const StepCheck *const guard = &m->guards[g];
         int64_t worst = guard->line;
         double error = guard->abandoned ? ABANDONED : 0.0;
-        for (int64_t k = 0; k < LINES && last; k++)
-            if (line_groups[k] == g && remaining_error(&m->moving[k]) > error) {
-                worst = k;
-                error = remaining_error(&m->moving[k]);
+        for (int64_t i = group_data[g].line; i < group_data[g].line + group_data[g].lines && last; i++)
+            if (remaining_error(&m->moving[group_lines[i]]) > error) {
+                worst = group_lines[i];
+                error = remaining_error(&m->moving[worst]);
             }
         if (!(error > UNRESOLVED))
             continue;

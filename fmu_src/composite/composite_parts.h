@@ -166,7 +166,7 @@ typedef struct {
 } DelayData;
 
 typedef struct {
-    int64_t inner, unknown, is_force, carries;
+    int64_t inner, unknown, is_force, carries; /* the first numbers of Moving */
 } LineData;
 
 #endif

@@ -8,87 +8,15 @@
 #ifndef CONTACTS_H
 #define CONTACTS_H
 
-#include "quasi_newton.h"
+#include "contact.h"
 
-#define BESIDE    1e-300 /* [m/s] or [rad/s] */
-#define NO_JUMP   1e-150 /* [N] or [N.m]: a smooth output beside v = 0 differs by less from that at v = 0 */
-#define EQUAL     1e-9   /* relative difference of equal forces */
-#define STARTED   1e-6   /* the same at the start of a step */
 #define SOONEST   1e-6   /* of a step: break-away before it is at its beginning */
 #define STOPS     0.9999 /* of a step: a contact that stops after more of it stops at its end */
 #define STOPS_NOT 0.5    /* of a step that forces cannot stop within twice its length */
 #define UNEVEN    0.02   /* distance to a stop over the path: how much it may vary with the friction on the way */
 #define FEW       0.05   /* of the way to a stop: that at velocities below the first of two points */
-#define FAINT     1e-3   /* of the jump of a contact: a load that it holds */
-#define HUGE_LOAD 1e12   /* of the same: a load that it does not hold */
-#define MORE      1.001  /* of the friction at such a load: one that it does not hold either */
 #define GAUSS     0.28867513459481287 /* distance of the points from the middle: root of 1/12 */
-enum { MOST_CORRECTIONS = 12, MOST_CARRIED = 62 /* contacts that `carries` can tell; as in newton.py */ };
-
-/* Return whether a contact at rest determines the forces of others on the same mass. */
-static bool leads(const Moving *m) { return m->high > m->low && m->leader < 0; }
-
-static bool is_still(const Moving *m) { return m->u0 == 0.0 || m->still; }
-
-static Moving *velocity_of(const Newton *newton, const Contact *c) { return &newton->moving[c->line]; }
-
-static bool carries(const Newton *newton, const Group *g, const Moving *m, const Contact *c)
-{
-    const int64_t number = c - contacts_of(newton, g);
-    return m->unknown == c->unknown || (number < MOST_CARRIED && (m->carries >> number & 1));
-}
-
-/* Set the role of a contact: of its velocity, and of the lines that carry its force; one of several forces has the
-   highest. */
-static void assume(const Engine *e, Newton *newton, const Group *g, const Contact *c, int64_t velocity, int64_t force)
-{
-    const Contact *const first = contacts_of(newton, g), *const last = first + g->contacts;
-    velocity_of(newton, c)->role = velocity;
-    velocity_of(newton, c)->force = force;
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            Moving *const m = &newton->moving[k];
-            if (!carries(newton, g, m, c))
-                continue;
-            m->role = force;
-            for (const Contact *d = first; d < last; d++)
-                if (velocity_of(newton, d)->force > m->role && carries(newton, g, m, d))
-                    m->role = velocity_of(newton, d)->force;
-        }
-}
-
-/* Return whether the load of a contact at rest was its force at the start of the span, too: a mass that returns to
-   v = 0 within the span has moved. */
-static bool held_at_start(const Engine *e, const Newton *newton, const Contact *c)
-{
-    const double force = newton->w_last[c->unknown];
-    bool lines = false;
-    for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
-        for (int64_t i = c->first_load; i < c->first_load + c->load_count; i++)
-            if (e->lines[k].input == newton->loads[i]) {
-                const double load = newton->moving[k].u0;
-                if (fabs(load - force) <= STARTED * fmax(fabs(load), newton->scale[c->unknown]))
-                    return true;
-                lines = true;
-            }
-    return !lines;
-}
-
-/* Return whether two contacts read one velocity: they stop and break away together. */
-static bool is_beside(const Engine *e, const Contact *c, const Contact *d)
-{
-    const int64_t a = e->lines[c->line].input, b = e->lines[d->line].input;
-    return c == d || (e->sources[a] == e->sources[b] && (!e->gains || (e->offsets[a] == 0.0 && e->offsets[b] == 0.0)));
-}
-
-/* Return whether another contact holds the same mass. */
-static bool is_shared(const Engine *e, const Newton *newton, const Group *g, const Contact *c)
-{
-    for (const Contact *d = contacts_of(newton, g); d < contacts_of(newton, g) + g->contacts; d++)
-        if (d != c && velocity_of(newton, d)->rigid >= 0 && is_beside(e, c, d))
-            return true;
-    return false;
-}
+enum { MOST_CORRECTIONS = 12 };
 
 static void hold(const Engine *e, Newton *newton, const Group *g, const Contact *c)
 {
@@ -100,15 +28,7 @@ static void hold(const Engine *e, Newton *newton, const Group *g, const Contact 
         is_shared(e, newton, g, c)
             ? m->rests != FREE
             : m->rests == AT_REST || (m->u0 == 0.0 && !m->rests && c->load_count > 0 && held_at_start(e, newton, c));
-    assume(e, newton, g, c, AT_REST, held ? HOLDING : m->rests == IN_JUMP ? FREE : CHANGING);
-}
-
-/* Let a contact move, and those beside it. */
-static void let_go(const Engine *e, Newton *newton, const Group *g, const Contact *c, bool changes)
-{
-    for (const Contact *d = contacts_of(newton, g); d < contacts_of(newton, g) + g->contacts; d++)
-        if (is_beside(e, c, d))
-            assume(e, newton, g, d, FREE, changes || velocity_of(newton, d)->rests ? CHANGING : FREE);
+    assume(newton, g, c, AT_REST, held ? HOLDING : m->rests == IN_JUMP ? FREE : CHANGING);
 }
 
 /* Give the source of the velocity of a contact at rest the value 0. */
@@ -149,15 +69,11 @@ static int refresh(Engine *e, Newton *newton, const Group *g, double t, double a
             for (int64_t k = e->lines_from[newton->order[i]]; at < 1.0 && k < e->lines_from[newton->order[i] + 1]; k++)
                 if (!newton->moving[k].inner)
                     e->signals[e->lines[k].input] = value_at(&newton->moving[k], arriving(e, e->lines[k].input), at);
-            int operation = SET, status = hand_over(p, e->signals);
-            if (status <= 1) {
-                operation = GET;
-                status = fetch_outputs(p, e->signals);
-            }
-            if (status > 1) {
-                failed(e, newton->order[i], operation, status, t);
+            int status = outcome(e, newton->order[i], SET, hand_over(p, e->signals), t);
+            if (status == SOLVED)
+                status = outcome(e, newton->order[i], GET, fetch_outputs(p, e->signals), t);
+            if (status != SOLVED)
                 return status;
-            }
             set_at_rest(e, newton, g); /* before a contact at rest reads its velocity */
         }
         changed = false;
@@ -170,131 +86,9 @@ static int refresh(Engine *e, Newton *newton, const Group *g, double t, double a
 /* Let sums of forces follow contacts at rest, whose forces at the end of a span are those that their outputs tell. */
 static int follow_rest(Engine *e, Newton *newton, const Group *g, const Span *s)
 {
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
-            if (newton->moving[k].carries && newton->moving[k].role >= HOLDING)
-                return refresh(e, newton, g, s->t, s->to);
-    return SOLVED;
-}
-
-/* Step a contact once more, to this velocity, and read its force. */
-static int face(Engine *e, const Newton *newton, const Contact *c, const Span *s, double v, double *force)
-{
-    Line *const l = &e->lines[c->line];
-    int operation = RESTORE, status = restore_part(&e->parts[c->part]);
-    if (status <= 1) {
-        operation = STEP;
-        l->end = v;
-        status = step_on_lines(e, c->part, s->t, s->h);
-    }
-    if (status <= 1)
-        status = hand_over(&e->parts[c->part], e->signals);
-    if (status <= 1)
-        status = fetch_outputs(&e->parts[c->part], e->signals);
-    *force = e->signals[newton->unknowns[c->unknown]];
-    if (status <= 1)
-        return SOLVED;
-    failed(e, c->part, operation, status, s->t);
-    return status;
-}
-
-/* Return whether the force of a contact at v = 0 is this one if it is given as the load; *force: what it is. */
-static bool answers(Engine *e, const Newton *newton, const Contact *c, const Span *s, int64_t load, double value,
-                    double *force, int *status)
-{
-    e->signals[load] = value;
-    for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
-        if (e->lines[k].input == load)
-            e->lines[k].mean = e->lines[k].end = value;
-    *status = *status == SOLVED ? face(e, newton, c, s, 0.0, force) : *status;
-    return *status == SOLVED && fabs(*force - value) <= EQUAL * fabs(value);
-}
-
-/* Find the forces between which a contact holds: those within its jump, and, unless it stops in this span, static
-   friction, which equals the load. */
-static int find_range(Engine *e, Newton *newton, const Group *g, const Contact *c, const Span *s)
-{
-    Moving *const m = velocity_of(newton, c);
-    double ends[2] = {0.0, 0.0}, rest = 0.0;
-    int status = face(e, newton, c, s, BESIDE, &ends[0]);
-    if (status == SOLVED)
-        status = face(e, newton, c, s, -BESIDE, &ends[1]);
-    if (status == SOLVED)
-        status = face(e, newton, c, s, 0.0, &rest);
-    const double size = fmax(fmax(fabs(ends[0]), fabs(ends[1])), fabs(rest));
-    if (fmax(fmax(ends[0], ends[1]), rest) - fmin(fmin(ends[0], ends[1]), rest) > fmax(NO_JUMP, EQUAL * size))
-        m->rigid = 1;
-    else if (size > NO_JUMP)
-        m->rigid = -1;
-    for (int64_t k = c->first_load; k < c->first_load + c->load_count && is_still(m) && m->rigid > 0; k++) {
-        const int64_t load = newton->loads[k]; /* or a normal force */
-        if (!answers(e, newton, c, s, load, FAINT * size, &rest, &status) ||
-            !answers(e, newton, c, s, load, -FAINT * size, &rest, &status))
-            continue;
-        for (int i = 0; i < 2; i++) {
-            double good = (i ? -FAINT : FAINT) * size, bad = good / FAINT * HUGE_LOAD;
-            const bool all = answers(e, newton, c, s, load, bad, &rest, &status);
-            if (all || answers(e, newton, c, s, load, rest, &rest, &status))
-                good = fabs(rest) > fabs(good) ? rest : good;
-            bool more = !all && answers(e, newton, c, s, load, good * MORE, &rest, &status);
-            for (int tries = 0; more && tries < MOST_BISECTIONS && fabs(bad) > (1.0 + 1e-14) * fabs(good); tries++) {
-                const double middle = copysign(sqrt(good * bad), good);
-                *(answers(e, newton, c, s, load, middle, &rest, &status) ? &good : &bad) = middle;
-            }
-            ends[i] = i ? fmin(ends[i], good) : fmax(ends[i], good);
-        }
-    }
-    m->low = fmin(ends[0], ends[1]);
-    m->high = fmax(ends[0], ends[1]);
-    for (int64_t i = g->first; i < g->first + g->count; i++) /* a force that was 0 so far has no magnitude */
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
-            if (newton->moving[k].unknown >= 0 && carries(newton, g, &newton->moving[k], c))
-                newton->scale[newton->moving[k].unknown] = fmax(newton->scale[newton->moving[k].unknown], size);
-    return status;
-}
-
-static double width(const Newton *newton, const Contact *c)
-{
-    return velocity_of(newton, c)->high - velocity_of(newton, c)->low;
-}
-
-/* Divide the force that holds a mass between contacts beside one another, in the ratio of what each holds at most: at
-   rest, any other division is as good. */
-static int divide(Engine *e, Newton *newton, const Group *g, const Span *s, bool *divided)
-{
-    const Contact *const first = contacts_of(newton, g), *const last = first + g->contacts;
-    for (const Contact *c = first; c < last; c++) {
-        Moving *const m = velocity_of(newton, c);
-        if (!is_rest(m) || !is_shared(e, newton, g, c))
-            continue;
-        const int status = find_range(e, newton, g, c, s);
-        if (status != SOLVED)
-            return status;
-        *divided = true;
-        if (m->rigid <= 0)
-            assume(e, newton, g, c, FREE, m->rests ? CHANGING : FREE);
-    }
-    for (const Contact *c = first; c < last && *divided; c++) {
-        Moving *const m = velocity_of(newton, c);
-        const Contact *leader = NULL; /* the one that holds most */
-        int64_t count = 0;
-        m->leader = -1;
-        for (const Contact *d = first; d < last; d++)
-            if (is_rest(m) && is_rest(velocity_of(newton, d)) && is_beside(e, c, d)) {
-                leader = !leader || width(newton, d) > width(newton, leader) ? d : leader;
-                count++;
-            }
-        if (!leader || count == 1 || width(newton, leader) == 0.0)
-            m->low = m->high = 0.0;
-        else if (leader != c) {
-            const Moving *const one = velocity_of(newton, leader);
-            const int64_t a = e->lines[c->line].input, b = e->lines[leader->line].input;
-            const bool opposite = e->gains && e->gains[a] * e->gains[b] < 0.0;
-            m->leader = leader->unknown;
-            m->slope = (opposite ? -1.0 : 1.0) * width(newton, c) / width(newton, leader);
-            m->base = (opposite ? m->high : m->low) - m->slope * one->low;
-        }
-    }
+    for (int64_t i = g->line; i < g->line + g->lines; i++)
+        if (newton->moving[newton->lines[i]].carries && newton->moving[newton->lines[i]].role >= HOLDING)
+            return refresh(e, newton, g, s->t, s->to);
     return SOLVED;
 }
 
@@ -317,26 +111,27 @@ static double correct(Newton *newton, const Group *g, const double *inverse)
     memcpy(scale, newton->scale + g->unknown, (size_t)n * sizeof(double));
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
         scale[c->unknown - g->unknown] = strength;
-    for (int64_t i = 0; i < n; i++) {
-        step[i] = 0.0;
-        for (int64_t j = 0; j < n; j++)
-            step[i] -= inverse[i * n + j] * newton->r[g->unknown + j];
-    }
+    newton_step(step, inverse, newton->r + g->unknown, n);
     for (int64_t i = 0; i < n; i++) {
         w[i] += step[i];
         const double size = fmax(scale[i], scale[i] > 0.0 ? fabs(w[i]) : 0.0);
-        const double moved = size > 0.0 ? fabs(step[i]) / size : 0.0;
-        most = moved <= most ? most : isnan(moved) ? INFINITY : moved;
+        most = worse(most, size > 0.0 ? fabs(step[i]) / size : 0.0);
     }
     return most;
+}
+
+/* Return the inverse Jacobian of the equations of contacts at rest. */
+static double *inverse_at_rest(const Newton *newton)
+{
+    return newton->work + 6 * newton->most_unknowns + newton->most_unknowns * newton->most_unknowns;
 }
 
 /* Solve for the forces with which the contacts at rest stay at v = 0. */
 static int solve_at_rest(Engine *e, Newton *newton, const Group *g, const Span *s, bool again)
 {
-    const int64_t n = g->unknowns, most = newton->most_unknowns;
-    double *const r = newton->r + g->unknown, *const r0 = newton->work + 2 * most;
-    double *const inverse = newton->work + 6 * most + most * most, norm = 0.0;
+    const int64_t n = g->unknowns;
+    double *const r = newton->r + g->unknown, *const r0 = newton->work + 2 * newton->most_unknowns;
+    double *const inverse = inverse_at_rest(newton), norm = 0.0;
     for (int64_t j = g->unknown; j < g->unknown + n; j++)
         newton->w[j] = newton->w_last[j] + newton->trend[j] * s->h;
     bool divided = false;
@@ -366,166 +161,184 @@ static int solve_at_rest(Engine *e, Newton *newton, const Group *g, const Span *
     return status == SOLVED ? NOT_CONVERGED : status;
 }
 
-/* Find out whether a contact at rest holds. If not, *limit is the force at which it breaks away. If it stops within a
-   span that may be divided, *share is the part of the span until then: mean friction, at the points of Gauss, and the
-   load decelerate it. It does not stop if these cannot; a span without this solution is then shorter. */
-static int test(Engine *e, Newton *newton, const Group *g, const Contact *c, const Span *s, bool *holds, double *limit,
-                double *share)
+/* Return the input of a contact that is closest to this force: friction at rest tells which one is the load, as a
+   normal force is a force, too. INFINITY if it has none. */
+static double load_near(const Engine *e, const Newton *newton, const Contact *c, double force)
+{
+    double load = INFINITY;
+    for (int64_t k = c->first_load; k < c->first_load + c->load_count; k++) {
+        const double value = e->signals[newton->loads[k]];
+        if (fabs(value - force) < fabs(load - force))
+            load = value;
+    }
+    return load;
+}
+
+/* What is known of a contact that is held in a solution. */
+typedef struct {
+    bool holds;
+    double limit, share;     /* the force at which it breaks away; the part of the span after which it stops */
+    double load;             /* at the end of the span; INFINITY if it is not an input */
+    double rest, up, down;   /* friction at v = 0 and beside it */
+    double slow, fast, mean; /* friction at the points of Gauss on the way to a stop */
+} Trial;
+
+/* Set the part of the span after which mean friction and the load stop a contact in motion. If they cannot, or if two
+   points are too few for the distance on the way, as on a steep Stribeck curve, a shorter span is solved first. */
+static void locate_stop(const Engine *e, const Newton *newton, const Group *g, const Contact *c, const Span *s,
+                        Trial *trial)
+{
+    const Moving *const m = velocity_of(newton, c);
+    const double force = newton->w[c->unknown];
+    double load = isfinite(trial->load) ? trial->load : trial->rest; /* its mean */
+    for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
+        if (e->lines[k].end == trial->load)
+            load = e->lines[k].mean;
+    if (leads(m)) /* it is unknown, but equal to the friction with which the mass would not slow down */
+        load = force + m->u0 * inverse_at_rest(newton)[(c->unknown - g->unknown) * (g->unknowns + 1)];
+    const double net = trial->mean - load, at = (force - load) / net;
+    trial->holds = trial->holds || (leads(m) && fabs(at - 1.0) <= 1.0 - STOPS);
+    const double last = m->u0 > 0.0 ? trial->up : trial->down, way = 0.5 * fabs(m->u0) * at * s->h;
+    const double varies = fmax(fabs(trial->slow - trial->fast), FEW * fabs(last - trial->slow));
+    const bool uneven = way * varies > UNEVEN * (m->path + way) * fabs(net);
+    if (trial->holds && (at < -SOONEST || at > 1.0 / STOPS_NOT))
+        trial->share = STOPS_NOT;
+    else if (trial->holds && at > SOONEST && uneven)
+        trial->share = 0.5 * fmin(at, 1.0);
+    else if (at > SOONEST && at < STOPS)
+        trial->share = at;
+}
+
+/* Find out whether a contact at rest holds and, if it stops within the span, when. */
+static int test(Engine *e, Newton *newton, const Group *g, const Contact *c, const Span *s, Trial *trial)
 {
     Moving *const m = velocity_of(newton, c);
     const double force = newton->w[c->unknown], rest = e->signals[newton->unknowns[c->unknown]];
-    /* a normal force is a force, too: friction at rest tells which is the load, or, if it is to stay at rest, the force
-     */
-    const double sought = m->rests || m->u0 == 0.0 ? force : rest;
-    double load = INFINITY, up = 0.0, down = 0.0, again = 0.0;
-    for (int64_t k = c->first_load; k < c->first_load + c->load_count; k++) {
-        const double value = e->signals[newton->loads[k]];
-        if (fabs(value - sought) < fabs(load - sought))
-            load = value;
-    }
-    const bool by_load = !leads(m) && isfinite(load) && (m->u0 != 0.0 || held_at_start(e, newton, c)) &&
-                         fabs(rest - load) <= EQUAL * fmax(fabs(rest), fabs(load));
-    *limit = rest;
+    const bool stopping = !m->rests && m->u0 != 0.0;
+    *trial =
+        (Trial){.rest = rest, .limit = rest, .share = 1.0, .load = load_near(e, newton, c, stopping ? rest : force)};
     if (leads(m) && is_still(m)) {
         const double slack = EQUAL * (m->high - m->low);
         m->role = IN_JUMP;
-        *holds = force >= m->low - slack && force <= m->high + slack;
-        *limit = force > m->high ? m->high : m->low;
+        trial->holds = force >= m->low - slack && force <= m->high + slack;
+        trial->limit = force > m->high ? m->high : m->low;
         return SOLVED;
     }
-    if (m->rigid > 0 && by_load && (m->rests || m->u0 == 0.0)) {
-        m->role = AT_REST;
-        *holds = true;
-        return SOLVED;
-    }
-    int status = face(e, newton, c, s, BESIDE, &up);
-    if (status == SOLVED)
-        status = face(e, newton, c, s, -BESIDE, &down);
-    double friction[] = {0.0, 0.0};
-    const bool stopping = !m->rests && m->u0 != 0.0;
-    for (int i = 0; i < 2 && stopping && status == SOLVED; i++)
-        status = face(e, newton, c, s, (i ? 0.5 + GAUSS : 0.5 - GAUSS) * m->u0, &friction[i]);
-    if (status == SOLVED)
-        status = face(e, newton, c, s, 0.0, &again);
-    const double low = fmin(fmin(up, down), rest), high = fmax(fmax(up, down), rest),
-                 size = fmax(fabs(low), fabs(high));
-    if (high - low > fmax(NO_JUMP, EQUAL * size))
-        m->rigid = 1;
-    else if (size > NO_JUMP)
-        m->rigid = -1;
-    const bool in_jump = force >= fmin(up, down) && force <= fmax(up, down);
-    /* a contact in motion stops only if no more than its friction, at v = 0 or on the way there, is needed for that */
-    const double slack = (1.0 - STOPS) * size, mean = 0.5 * (friction[0] + friction[1]);
-    const bool stops =
-        m->rests || m->u0 == 0.0 || (m->u0 > 0.0 ? force <= fmax(up, mean) + slack : force >= fmin(down, mean) - slack);
+    const double load = trial->load;
+    const bool equal = isfinite(load) && fabs(rest - load) <= EQUAL * fmax(fabs(rest), fabs(load));
+    const bool by_load = equal && !leads(m) && (m->u0 != 0.0 || held_at_start(e, newton, c));
     m->role = by_load ? AT_REST : IN_JUMP;
-    *holds = m->rigid > 0 && stops && (by_load || in_jump);
-    /* in a divided step, a contact that goes on in the other direction is located, too */
-    if (stopping && (*holds || (m->rigid > 0 && (s->to - s->from < 1.0 || leads(m))))) {
-        double other = isfinite(load) ? load : rest;
-        for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
-            if (e->lines[k].end == load)
-                other = e->lines[k].mean;
-        /* the load of one of several contacts is not known, but the velocity at the end if friction acts until then */
-        const double *const inverse =
-            newton->work + 6 * newton->most_unknowns + newton->most_unknowns * newton->most_unknowns;
-        const int64_t row = c->unknown - g->unknown;
-        double at = leads(m) ? m->u0 / (m->u0 - (mean - force) / inverse[row * (g->unknowns + 1)])
-                                   : (force - other) / (mean - other);
-        *holds = *holds || (leads(m) && fabs(at - 1.0) <= 1.0 - STOPS);
-        /* two points tell the distance to the stop if friction varies little on the way */
-        const double spread = fmax(fabs(friction[0] - friction[1]), FEW * fabs((m->u0 > 0.0 ? up : down) - friction[0]));
-        const double way = 0.5 * fabs(m->u0) * at * s->h;
-        const double pull = leads(m) ? fabs(mean) : fabs(mean - other);
-        if (*holds && at > SOONEST && way * spread > UNEVEN * (m->path + way) * pull)
-            at *= 0.5;
-        if (*holds && (at < -SOONEST || at > 1.0 / STOPS_NOT))
-            *share = fmin(*share, STOPS_NOT);
-        else if (at > SOONEST && at < STOPS)
-            *share = fmin(*share, at);
+    if (m->rigid > 0 && by_load && !stopping) {
+        trial->holds = true;
+        return SOLVED;
     }
+    int status = SOLVED;
+    trial->up = face(e, newton, c, s, BESIDE, &status);
+    trial->down = face(e, newton, c, s, -BESIDE, &status);
+    trial->slow = stopping ? face(e, newton, c, s, (0.5 - GAUSS) * m->u0, &status) : 0.0;
+    trial->fast = stopping ? face(e, newton, c, s, (0.5 + GAUSS) * m->u0, &status) : 0.0;
+    face(e, newton, c, s, 0.0, &status); /* which remains the output */
+    if (status != SOLVED)
+        return status;
+    const double least = fmin(trial->up, trial->down), most = fmax(trial->up, trial->down);
+    const double low = fmin(least, rest), high = fmax(most, rest);
+    classify(m, low, high);
+    /* a contact in motion stops only if no more than its friction, at v = 0 or on the way there, is needed for that */
+    const double slack = (1.0 - STOPS) * fmax(fabs(low), fabs(high));
+    trial->mean = 0.5 * (trial->slow + trial->fast);
+    const bool enough =
+        m->u0 > 0.0 ? force <= fmax(trial->up, trial->mean) + slack : force >= fmin(trial->down, trial->mean) - slack;
+    trial->holds = m->rigid > 0 && (!stopping || enough) && (by_load || (force >= least && force <= most));
+    /* in a divided step, a contact that goes on in the other direction is located, too */
+    const bool passes = m->rigid > 0 && (s->to - s->from < 1.0 || leads(m));
+    if (stopping && (trial->holds || passes))
+        locate_stop(e, newton, g, c, s, trial);
     if (!by_load && m->rests == IN_JUMP)
-        *limit = force > 0.0 ? high : low;
-    return status;
+        trial->limit = force > 0.0 ? high : low;
+    return SOLVED;
+}
+
+/* Result of an attempt to hold contacts. */
+typedef struct {
+    bool changed;       /* another contact is held, or one less: the forces must be solved for again */
+    bool held, changes; /* a contact holds; one stops, or is held within its jump */
+    double share;       /* of the span, until the first of them stops or breaks away */
+} Attempt;
+
+/* Keep a contact at rest if it holds, else let it go. */
+static int keep_or_release(Engine *e, Newton *newton, const Group *g, const Contact *c, const Span *s, Attempt *attempt)
+{
+    Moving *const m = velocity_of(newton, c);
+    const double start = newton->w_last[c->unknown], end = newton->w[c->unknown];
+    Trial trial;
+    const int status = test(e, newton, g, c, s, &trial);
+    attempt->share = fmin(attempt->share, trial.share);
+    attempt->held = attempt->held || trial.holds;
+    attempt->changes = attempt->changes || !m->rests || m->role == IN_JUMP;
+    lead(newton, g, c);
+    if (status != SOLVED || trial.holds)
+        return status;
+    attempt->changed = true;
+    if (m->rests) {
+        const double at = (trial.limit - start) / (end - start);
+        attempt->share = fmin(attempt->share, at > 0.0 && at < 1.0 ? at : 0.5);
+        if (at <= SOONEST && at > -SOONEST)
+            attempt->share = 0.0;
+    }
+    const bool turns = !m->rests && trial.share * (s->to - s->from) <= SOONEST; /* and moves the other way, */
+    if (turns && leads(m) && !m->still) {                                       /* unless static friction holds it */
+        hold_still(e, newton, g, c);
+        attempt->held = true;
+        return SOLVED;
+    }
+    let_go(e, newton, g, c, turns);
+    newton->turns = newton->turns || turns;
+    return SOLVED;
 }
 
 /* Solve a step with contacts at rest. *rests: a contact is held; else the step must be solved without any. */
 static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, bool again, bool *rests)
 {
     const Contact *const first = contacts_of(newton, g), *const last = first + g->contacts;
+    *rests = false;
     for (int64_t tries = 0; tries <= 2 * g->contacts; tries++, again = true) {
         int status = solve_at_rest(e, newton, g, s, again);
-        bool changed = false, held = false, changes = false;
-        *rests = false;
         newton->turns = false;
+        Attempt attempt = {.share = 1.0};
         if (status == NOT_CONVERGED) { /* it may be another contact that stops */
             for (const Contact *c = first; c < last && tries == 0; c++)
                 if (!is_rest(velocity_of(newton, c)) && velocity_of(newton, c)->rigid >= 0) {
                     hold(e, newton, g, c);
-                    changed = true;
+                    attempt.changed = true;
                 }
-            if (changed)
+            if (attempt.changed)
                 continue;
             break;
         }
-        double share = 1.0;
         for (const Contact *c = first; c < last && status == SOLVED; c++) {
-            Moving *const m = velocity_of(newton, c);
-            const double start = newton->w_last[c->unknown], end = newton->w[c->unknown];
-            double limit = 0.0;
-            bool holds = false;
-            if (!is_rest(m)) {
-                const double v = m->u1;
-                if (m->rigid >= 0 && m->u0 * v < 0.0 && tries < g->contacts) {
-                    hold(e, newton, g, c);
-                    changed = true;
-                }
-                continue;
+            const Moving *const m = velocity_of(newton, c);
+            const bool passes = m->rigid >= 0 && m->u0 * m->u1 < 0.0;
+            if (is_rest(m) && m->leader < 0)
+                status = keep_or_release(e, newton, g, c, s, &attempt);
+            else if (!is_rest(m) && passes && tries < g->contacts) {
+                hold(e, newton, g, c);
+                attempt.changed = true;
             }
-            if (m->leader >= 0)
-                continue;
-            double stop = 1.0;
-            status = test(e, newton, g, c, s, &holds, &limit, &stop);
-            share = fmin(share, stop);
-            held = held || holds;
-            changes = changes || !m->rests || m->role == IN_JUMP;
-            for (const Contact *d = first; d < last; d++)
-                if (velocity_of(newton, d)->leader == c->unknown && is_rest(velocity_of(newton, d)))
-                    velocity_of(newton, d)->role = m->role;
-            if (status != SOLVED || holds)
-                continue;
-            if (m->rests) {
-                const double at = (limit - start) / (end - start);
-                share = fmin(share, at > 0.0 && at < 1.0 ? at : 0.5);
-                if (at <= SOONEST && at > -SOONEST)
-                    share = 0.0;
-            }
-            const bool turns = !m->rests && stop * (s->to - s->from) <= SOONEST; /* and moves the other way */
-            if (turns && leads(m) && !m->still) {                                /* unless static friction holds it */
-                for (const Contact *d = first; d < last; d++)
-                    if (is_beside(e, c, d))
-                        velocity_of(newton, d)->still = 1;
-                changed = held = true;
-                continue;
-            }
-            let_go(e, newton, g, c, turns);
-            newton->turns = newton->turns || turns;
-            changed = true;
         }
         if (status != SOLVED)
             return status;
-        if (newton->splits && share < 1.0 &&
-            share * (s->to - s->from) > SOONEST) { /* at a stop, or where one breaks away */
-            newton->share = share;
+        const bool within = attempt.share < 1.0 && attempt.share * (s->to - s->from) > SOONEST;
+        if (newton->splits && within) {
+            newton->share = attempt.share;
             return BREAKS_AWAY;
         }
-        if (!changed) {
-            *rests = held;
-            newton->jumped = changes;
+        if (!attempt.changed) {
+            *rests = attempt.held;
+            newton->jumped = attempt.changes;
             set_at_rest(e, newton, g);
             return SOLVED;
         }
-        if (!held)
+        if (!attempt.held)
             break;
     }
     for (const Contact *c = first; c < last; c++)
@@ -550,50 +363,56 @@ static bool hold_some(const Engine *e, Newton *newton, const Group *g, int64_t o
     return held;
 }
 
+/* Hold the contacts that begin the span with v = 0 and let the others move. Return whether one is held. */
+static bool hold_resting(const Engine *e, Newton *newton, const Group *g)
+{
+    bool held = false;
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        if (velocity_of(newton, c)->rigid >= 0 && velocity_of(newton, c)->u0 == 0.0) {
+            hold(e, newton, g, c);
+            held = true;
+        } else
+            assume(newton, g, c, FREE, FREE);
+    return held;
+}
+
 /* Solve a step: with the contacts at rest that may be, else in motion; and again with those at rest that pass v = 0. If
    they do not stop together, one alone may: forces that stop both in a step can be far from those that stop one. */
 static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s, bool again)
 {
-    const Contact *const first = contacts_of(newton, g), *const last = first + g->contacts;
-    bool tried = false, rests = false, smooth = true;
-    for (const Contact *c = first; c < last; c++)
+    bool rests = false, smooth = true;
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
         smooth = smooth && velocity_of(newton, c)->rigid < 0;
     if (smooth)
         return iterate(e, newton, g, number, s, again);
     newton->jumped = false;
-    for (const Contact *c = first; c < last; c++) {
-        const Moving *const m = velocity_of(newton, c);
-        if (m->rigid >= 0 && m->u0 == 0.0) {
-            hold(e, newton, g, c);
-            tried = true;
-        } else
-            assume(e, newton, g, c, FREE, FREE);
-    }
+    const bool tried = hold_resting(e, newton, g);
     int status = tried ? solve_held(e, newton, g, s, again, &rests) : SOLVED;
     if (status != SOLVED || rests)
         return status;
     status = iterate(e, newton, g, number, s, again || tried);
+    const int solved = status;
     if (status != NOT_CONVERGED && (tried || status != SOLVED))
         return status;
     const bool jumped = newton->jumped, any = jumped || status == NOT_CONVERGED;
     if (!tried && !hold_some(e, newton, g, -1, any))
         return status;
-    const int solved = status;
     double *const w = newton->work + 6 * newton->most_unknowns + 2 * newton->most_unknowns * newton->most_unknowns;
     memcpy(w, newton->w + g->unknown, (size_t)g->unknowns * sizeof(double));
     status = tried ? SOLVED : solve_held(e, newton, g, s, true, &rests);
-    for (int64_t i = 0; any && g->contacts > 1 && status == SOLVED && !rests && i < g->contacts; i++)
+    const bool alone = any && g->contacts > 1;
+    for (int64_t i = 0; alone && i < g->contacts && status == SOLVED && !rests; i++)
         if (hold_some(e, newton, g, i, any))
             status = solve_held(e, newton, g, s, true, &rests);
     if (status != SOLVED || rests)
         return status;
     if (newton->turns && iterate(e, newton, g, number, s, true) == SOLVED)
         return SOLVED;
-    for (const Contact *c = first; c < last; c++)
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
         let_go(e, newton, g, c, false);
     if (solved != SOLVED)
         return solved;
-    double norm = 0.0;
+    double norm = 0.0; /* the solution without a contact at rest */
     memcpy(newton->w + g->unknown, w, (size_t)g->unknowns * sizeof(double));
     status = evaluate(e, newton, g, s, true, &norm);
     newton->jumped = jumped;

@@ -16,7 +16,7 @@ static double norm_of(const double *w, const double *r, int64_t n)
     double worst = 0.0;
     for (int64_t i = 0; i < n; i++) {
         const double size = r[i] == 0.0 ? 0.0 : fabs(r[i]) / fmax(fmax(fabs(w[i]), fabs(w[i] + r[i])), 1e-300);
-        worst = size <= worst ? worst : isnan(size) ? INFINITY : size;
+        worst = worse(worst, size);
     }
     return worst;
 }
@@ -44,11 +44,7 @@ EXPORT bool find_fixed_point(Residual *residual, void *context, double *w, int64
                 jacobian[i * n + j] = (r1[i] - r[i]) / (w1[j] - w[j]);
         }
         invert(jacobian, inverse, n);
-        for (int64_t i = 0; i < n; i++) {
-            step[i] = 0.0;
-            for (int64_t j = 0; j < n; j++)
-                step[i] -= inverse[i * n + j] * r[j];
-        }
+        newton_step(step, inverse, r, n);
         const double before = *norm;
         memcpy(best, w, (size_t)n * sizeof(double));
         for (double part = 1.0; part > 1e-3; part *= 0.5) {

@@ -9,7 +9,7 @@
 typedef struct {
     int64_t inner;     /* source and target are in the same loop */
     int64_t unknown;   /* index of the unknown that it reads; -1: its source is stepped before */
-    int64_t is_force;  /* it has the unit of the force of a contact in the loop */
+    int64_t is_force;  /* it is the force of a contact or an input of one, or has the unit of such a force */
     int64_t carries;   /* bits of the contacts in the loop whose forces reach it through sums */
     int64_t from_rest; /* the run begins with the value 0 */
     int64_t role;      /* in the current solution; see contacts.h */
@@ -40,18 +40,20 @@ typedef struct {
     int64_t first_load, load_count; /* its inputs that are forces, one of which may be the sum of the other forces */
     int64_t of_mass, of_next; /* outputs of the mass whose velocity it reads; none of a part with several masses */
     int64_t position;         /* output whose rate that velocity is; -1: unknown */
+    int64_t bit;              /* in Moving.carries; 0: none is left */
 } Contact;
 
 /* An output of a loop that depends on no input directly and drives none in the loop, such as the position of a mass.
    The position within a step is the integral of what the forces do, not of the line of the velocity. */
 typedef struct {
-    int64_t output, line; /* a line to its part, to which errors are attributed */
-    int64_t unit;         /* of those in the loop; 0: that of the force of a contact */
+    int64_t output;
+    int64_t unit; /* of those in the loop; 0: that of the force of a contact */
 } StateOutput;
 
 typedef struct {
     int64_t first, count; /* its parts, in stepping order */
     int64_t is_loop;
+    int64_t line, lines;       /* its first place in Newton.lines and the number of lines to its parts */
     int64_t unknown, unknowns; /* its first unknown and the number of unknowns */
     int64_t held, held_count;  /* its first held input and the number of them */
     int64_t contact, contacts; /* its first contact and the number of them */
@@ -88,6 +90,7 @@ typedef struct {
     const int64_t *order;      /* indices of the parts, group by group */
     const int64_t *continuous; /* of each part */
     Moving *moving;
+    const int64_t *lines;    /* indices of the lines, group by group */
     const int64_t *unknowns; /* output that each unknown stands for */
     const int64_t *held; /* Real inputs of continuous parts that are not lines, such as the force of a sampled law */
     double *held_values, *held_sizes; /* in the last step; largest magnitudes so far */

@@ -71,6 +71,16 @@ static void invert(double *a, double *inverse, int64_t n)
     }
 }
 
+/* Compute Newton's step, -inverse r. */
+static void newton_step(double *step, const double *inverse, const double *r, int64_t n)
+{
+    for (int64_t i = 0; i < n; i++) {
+        step[i] = 0.0;
+        for (int64_t j = 0; j < n; j++)
+            step[i] -= inverse[i * n + j] * r[j];
+    }
+}
+
 /* Compute the inverse of dr/dw by forward differences at w, where r is `r0`. */
 static int differentiate(Engine *e, Newton *newton, const Group *g, const Span *s, const double *r0, double *inverse)
 {
@@ -169,7 +179,7 @@ static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, co
     double *const w = newton->w + g->unknown, *const r = newton->r + g->unknown;
     double *const inverse = newton->inverse + number * most * most;
     double *const w0 = newton->work, *const r0 = w0 + most, *const step = r0 + most, *const change = step + most;
-    Bracket bracket = {{0.0, 0.0}, INFINITY, {false, false}, 0.0, 0.0, 0.0, {0.0, 0.0}, 0.0, 0.0, 0.0, -1, false};
+    Bracket bracket = {.width = INFINITY, .outer = -1};
     double norm = 0.0;
     const double inverse_before = inverse[0], fine = newton->tolerance * share_of_tolerance(s);
 
@@ -192,11 +202,7 @@ static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, co
             if (status != SOLVED)
                 return status;
         }
-        for (int64_t i = 0; i < n; i++) {
-            step[i] = 0.0;
-            for (int64_t j = 0; j < n; j++)
-                step[i] -= inverse[i * n + j] * r0[j];
-        }
+        newton_step(step, inverse, r0, n);
         if (n == 1) {
             if (w0[0] + step[0] == w0[0])
                 step[0] = r0[0]; /* the inverse is that of a jump: take the value that the parts return */

@@ -44,12 +44,12 @@ static double largest_jump(const Engine *e, Newton *newton, const Group *g)
         most = fmax(most, jump_of(newton->held_values[k], value, &newton->held_sizes[k]));
         newton->held_values[k] = value;
     }
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            Moving *const m = &newton->moving[k];
-            if (!m->inner)
-                most = fmax(most, jump_of(m->u0, arriving(e, e->lines[k].input), &m->outside));
-        }
+    for (int64_t i = g->line; i < g->line + g->lines; i++) {
+        const int64_t k = newton->lines[i];
+        Moving *const m = &newton->moving[k];
+        if (!m->inner)
+            most = fmax(most, jump_of(m->u0, arriving(e, e->lines[k].input), &m->outside));
+    }
     return most;
 }
 
@@ -60,17 +60,17 @@ typedef enum { ALL_LINES, KNOWN_LINES, UNKNOWN_LINES, INNER_LINES } Which;
 
 static void begin_lines(const Engine *e, Newton *newton, const Group *g, Which which)
 {
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            Moving *const m = &newton->moving[k];
-            const double value = arriving(e, e->lines[k].input), jump = value - m->u0;
-            if ((which == INNER_LINES ? m->inner
-                                      : which == ALL_LINES || (which == UNKNOWN_LINES) == (m->unknown >= 0)) &&
-                fabs(jump) > ROUNDED * newton->tolerance * fmax(m->scale, fabs(value))) {
-                m->u0 = value;
-                m->q0 += jump;
-            }
+    for (int64_t i = g->line; i < g->line + g->lines; i++) {
+        const int64_t k = newton->lines[i];
+        Moving *const m = &newton->moving[k];
+        const double value = arriving(e, e->lines[k].input), jump = value - m->u0;
+        const bool begins =
+            which == INNER_LINES ? m->inner : which == ALL_LINES || (which == UNKNOWN_LINES) == (m->unknown >= 0);
+        if (begins && fabs(jump) > ROUNDED * newton->tolerance * fmax(m->scale, fabs(value))) {
+            m->u0 = value;
+            m->q0 += jump;
         }
+    }
 }
 
 /* Solve for the holding forces at this part of the step: in a step that is too short for any motion. */
@@ -82,13 +82,8 @@ static int hold_again(Engine *e, Newton *newton, int64_t number, double t, doubl
     int status = save_loop(e, newton, g, t);
     if (status == SOLVED)
         status = solve(e, newton, g, number, &instant, false);
-    for (int64_t i = g->first; i < g->first + g->count && status == SOLVED; i++) {
-        status = restore_part(&e->parts[newton->order[i]]);
-        if (status > 1)
-            failed(e, newton->order[i], RESTORE, status, t);
-        else
-            status = SOLVED;
-    }
+    for (int64_t i = g->first; i < g->first + g->count && status == SOLVED; i++)
+        status = outcome(e, newton->order[i], RESTORE, restore_part(&e->parts[newton->order[i]]), t);
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
         e->signals[newton->unknowns[j]] = newton->w[j];
     return status;

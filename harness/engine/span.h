@@ -28,6 +28,18 @@ enum { SOLVED = 0, NOT_CONVERGED = 101, BREAKS_AWAY, MOST_EVALUATIONS = 60, MOST
 #define MOST_HALVINGS 20
 #endif
 
+/* Return the larger of two ratios of errors; one that is not a number is infinite. */
+static double worse(double worst, double off) { return off <= worst ? worst : isnan(off) ? INFINITY : off; }
+
+/* Return SOLVED, or the status with which a part failed in an operation, and keep it for the message. */
+static int outcome(Engine *e, int64_t part, int operation, int status, double t)
+{
+    if (status <= 1)
+        return SOLVED;
+    failed(e, part, operation, status, t);
+    return status;
+}
+
 /* Part of a step: from t to t + h, the fraction [from, to] of the whole step. */
 typedef struct {
     double t, h, from, to;
@@ -64,6 +76,17 @@ static double mean_of(Moving *m, const Span *s)
 /* Return the value that an input from outside of a loop has at this part of the step, if it ends at `end`. */
 static double value_at(const Moving *m, double end, double at) { return at == 1.0 ? end : m->u0 + (end - m->u0) * at; }
 
+/* Step a part along its lines and read its outputs; `again`: at the end of the lines, which has a rounding error. */
+static int follow_lines(Engine *e, int64_t index, const Span *s, bool again)
+{
+    int status = step_on_lines(e, index, s->t, s->h);
+    if (status <= 1 && again)
+        status = hand_over(&e->parts[index], e->signals);
+    if (status <= 1)
+        status = fetch_outputs(&e->parts[index], e->signals);
+    return outcome(e, index, STEP, status, s->t);
+}
+
 /* Step one continuous part with inputs that vary linearly. */
 static int move_part(Engine *e, Newton *newton, int64_t index, const Span *s)
 {
@@ -80,14 +103,7 @@ static int move_part(Engine *e, Newton *newton, int64_t index, const Span *s)
         l->mean = mean_of(m, s);
         l->end = m->inner ? m->u1 : value_at(m, m->u1, s->to);
     }
-    int status = step_on_lines(e, index, s->t, s->h);
-    if (status <= 1 && stops) /* the end of a line has a rounding error */
-        status = hand_over(&e->parts[index], e->signals);
-    if (status <= 1)
-        status = fetch_outputs(&e->parts[index], e->signals);
-    if (status > 1)
-        failed(e, index, STEP, status, s->t);
-    return status;
+    return follow_lines(e, index, s, stops);
 }
 
 static inline const Contact *contacts_of(const Newton *newton, const Group *g) { return newton->contacts + g->contact; }
@@ -98,13 +114,10 @@ static int evaluate(Engine *e, Newton *newton, const Group *g, const Span *s, bo
 {
     for (int64_t i = g->first; i < g->first + g->count; i++) {
         const int64_t index = newton->order[i];
-        int status = again ? restore_part(&e->parts[index]) : 0;
-        if (status > 1) {
-            failed(e, index, RESTORE, status, s->t);
-            return status;
-        }
-        status = move_part(e, newton, index, s);
-        if (status > 1)
+        int status = again ? outcome(e, index, RESTORE, restore_part(&e->parts[index]), s->t) : SOLVED;
+        if (status == SOLVED)
+            status = move_part(e, newton, index, s);
+        if (status != SOLVED)
             return status;
     }
     newton->evaluations++;
@@ -114,9 +127,9 @@ static int evaluate(Engine *e, Newton *newton, const Group *g, const Span *s, bo
         const double scale = fmax(newton->scale[j], fmin(fabs(newton->w[j]), fabs(G)));
         newton->r[j] = G - newton->w[j];
         const double size = newton->r[j] == 0.0 ? 0.0 : scale > 0.0 ? fabs(newton->r[j]) / scale : INFINITY;
-        *norm = size >= *norm ? size : isnan(size) ? INFINITY : *norm;
+        *norm = worse(*norm, size);
     }
-    for (const Contact *c = newton->contacts + g->contact; c < newton->contacts + g->contact + g->contacts; c++) {
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         const Moving *const m = &newton->moving[c->line];
         if (is_rest(m))
             newton->r[c->unknown] = m->leader < 0 ? arriving(e, e->lines[c->line].input)
@@ -155,16 +168,16 @@ static void accept_contacts(const Engine *e, Newton *newton, const Group *g, con
 static void accept(const Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s)
 {
     accept_contacts(e, newton, g, s);
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            Moving *const m = &newton->moving[k];
-            if (m->inner) {
-                m->u0 = m->role == HOLDING || m->role == CHANGING ? arriving(e, e->lines[k].input) : m->u1;
-                m->q0 = m->role == FREE ? m->q1 : m->u0;
-                m->scale = fmax(m->scale, fabs(m->u1));
-                m->size = fmax(m->size, fabs(m->u1));
-            }
+    for (int64_t i = g->line; i < g->line + g->lines; i++) {
+        const int64_t k = newton->lines[i];
+        Moving *const m = &newton->moving[k];
+        if (m->inner) {
+            m->u0 = m->role == HOLDING || m->role == CHANGING ? arriving(e, e->lines[k].input) : m->u1;
+            m->q0 = m->role == FREE ? m->q1 : m->u0;
+            m->scale = fmax(m->scale, fabs(m->u1));
+            m->size = fmax(m->size, fabs(m->u1));
         }
+    }
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++) {
         const double miss = prediction_error_of(newton, j, s);
         newton->growth[j] = turns_and_grows(newton, j, s, miss) ? newton->growth[j] + 1.0 : 0.0;
@@ -190,44 +203,38 @@ static void forget_peak(double *size, double *lasting, double *at_begin, double 
     *size = fmax(*lasting, *at_begin);
 }
 
-static void forget_peaks(const Engine *e, Newton *newton, const Group *g)
+static void forget_peaks(Newton *newton, const Group *g)
 {
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            Moving *const m = &newton->moving[k];
-            forget_peak(&m->size, &m->lasting, &m->at_begin, m->u0);
-        }
+    for (int64_t i = g->line; i < g->line + g->lines; i++) {
+        Moving *const m = &newton->moving[newton->lines[i]];
+        forget_peak(&m->size, &m->lasting, &m->at_begin, m->u0);
+    }
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
         forget_peak(&newton->scale[j], &newton->lasting[j], &newton->at_begin[j], newton->w[j]);
 }
 
 /* Return the error of the means over the magnitudes of the values, estimated by comparison with the trapezoidal rule,
    which is of the same order. */
-static double error_of(const Engine *e, const Newton *newton, const Group *g, const Span *s)
+static double error_of(const Newton *newton, const Group *g, const Span *s)
 {
     double worst = 0.0;
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            const Moving *const m = &newton->moving[k];
-            if (m->inner && m->role == FREE) {
-                const double mean = (1.0 - GA_RATE) * earlier(m, s) + GA_RATE * m->q1;
-                const double error = mean - 0.5 * (m->u0 + m->u1);
-                worst = fmax(worst, error != 0.0 ? fabs(error) / fmax(m->scale, fabs(m->u1)) : 0.0);
-            }
+    for (int64_t i = g->line; i < g->line + g->lines; i++) {
+        const Moving *const m = &newton->moving[newton->lines[i]];
+        if (m->inner && m->role == FREE) {
+            const double mean = (1.0 - GA_RATE) * earlier(m, s) + GA_RATE * m->q1;
+            const double error = mean - 0.5 * (m->u0 + m->u1);
+            worst = fmax(worst, error != 0.0 ? fabs(error) / fmax(m->scale, fabs(m->u1)) : 0.0);
         }
+    }
     return worst;
 }
 
 static int save_loop(Engine *e, const Newton *newton, const Group *g, double t)
 {
-    for (int64_t i = g->first; i < g->first + g->count; i++) {
-        const int status = save_part(&e->parts[newton->order[i]]);
-        if (status > 1) {
-            failed(e, newton->order[i], SAVE, status, t);
-            return status;
-        }
-    }
-    return SOLVED;
+    int status = SOLVED;
+    for (int64_t i = g->first; i < g->first + g->count && status == SOLVED; i++)
+        status = outcome(e, newton->order[i], SAVE, save_part(&e->parts[newton->order[i]]), t);
+    return status;
 }
 
 #endif

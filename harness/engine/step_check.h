@@ -33,18 +33,8 @@
 #define FED_BACK   (-1.25)    /* diagonal of the inverse Jacobian if a fifth of a change of a value comes back to it */
 #define AMPLIFIED  4.0        /* ratio of error to tolerance that an amplified value counts as */
 #define NEGLIGIBLE 1e-6       /* holding force over the largest force of a contact in the loop */
-enum {
-    CHECK_EVERY = 512,
-    CHECK_SOON = 16,
-    CONFIRMATIONS = 4,
-    LONGEST_COOLDOWN = 64,
-    SOON = 16,
-    EARLY = 8,
-    MOST_RECURRENCES = 8,
-    RUNGS = 8,
-    PART_OF_STEP = 1,
-    WHOLE_STEP = 2
-};
+enum { CHECK_EVERY = 512, CHECK_SOON = 16, CONFIRMATIONS = 4, LONGEST_COOLDOWN = 64, SOON = 16, EARLY = 8 };
+enum { MOST_RECURRENCES = 8, RUNGS = 8, PART_OF_STEP = 1, WHOLE_STEP = 2 };
 #define GROWTHS 3.0
 
 /* Return whether a check is scheduled: at the ticks 0, 1, 2, 4, 8, every 16 ticks up to 512 ticks after the start or
@@ -61,27 +51,27 @@ static double slope_of(const Moving *m, const Span *s) { return (m->u0 - earlier
 static double quotient(double miss, double size) { return miss > 0.0 ? size > 0.0 ? miss / size : INFINITY : 0.0; }
 
 /* Return how far an unknown or a line is from its prediction, over its magnitude. */
-static double misprediction(const Engine *e, const Newton *newton, const Group *g, const Span *s)
+static double misprediction(const Newton *newton, const Group *g, const Span *s)
 {
     double most = 0.0;
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            const Moving *const m = &newton->moving[k];
-            if (m->inner && m->role == FREE)
-                most = fmax(most, quotient(fabs(m->u1 - m->u0 - slope_of(m, s)), m->size));
-        }
+    for (int64_t i = g->line; i < g->line + g->lines; i++) {
+        const Moving *const m = &newton->moving[newton->lines[i]];
+        if (m->inner && m->role == FREE)
+            most = fmax(most, quotient(fabs(m->u1 - m->u0 - slope_of(m, s)), m->size));
+    }
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
         most = fmax(most, quotient(fabs(prediction_error_of(newton, j, s)), newton->scale[j]));
     return most;
 }
 
 /* Return whether a line is far beyond its largest magnitude so far. */
-static bool leaps(const Engine *e, const Newton *newton, const Group *g)
+static bool leaps(const Newton *newton, const Group *g)
 {
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
-            if (newton->moving[k].inner && fabs(newton->moving[k].u1) > LEAP * newton->moving[k].scale)
-                return true;
+    for (int64_t i = g->line; i < g->line + g->lines; i++) {
+        const Moving *const m = &newton->moving[newton->lines[i]];
+        if (m->inner && fabs(m->u1) > LEAP * m->scale)
+            return true;
+    }
     return false;
 }
 
@@ -166,10 +156,10 @@ static bool wants_check(const Engine *e, const Newton *newton, int64_t number, i
         return false;
     const Group *const g = &newton->groups[number];
     const double after = tick >= guard->next ? 0.0 : fmin(JUMP_LIMIT, FARTHER * guard->harmless);
-    guard->miss = misprediction(e, newton, g, s);
+    guard->miss = misprediction(newton, g, s);
     return guard->checks_due > 0 || guard->limited_ticks > 0 || (s->from == 0.0 && is_scheduled(guard, tick)) ||
-           feeds_back(newton, g, number) || turns_within(newton, g, s) || strays(e, newton, g, s) ||
-           leaps(e, newton, g) || guard->miss > fmax(PREDICTION_LIMIT, after);
+           feeds_back(newton, g, number) || turns_within(newton, g, s) || strays(e, newton, g, s) || leaps(newton, g) ||
+           guard->miss > fmax(PREDICTION_LIMIT, after);
 }
 
 /* Save (or restore, if `back`) everything that a check must not change. */
@@ -211,26 +201,43 @@ static int pieces_of(double part)
     return n;
 }
 
-/* Solve the span again, in n pieces, the last of which is *last; means[k] becomes the mean of line k over all, and the
-   next numbers the values at the end of the last piece but one. */
-static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s, int n, bool growing, double *means,
-                        bool *jumped, bool *turns, Span *last)
+/* A solved span, and the pieces in which it is solved again. */
+typedef struct {
+    const Span *span;
+    double *whole, *halves; /* means of the lines over it, and over all pieces */
+    double *within;         /* values of the lines at the end of the last piece but one */
+    int count;              /* of the pieces */
+    bool growing;           /* each is `RUNG` times as long as those before it together */
+    bool jumped; /* a solution lies at a jump: the unknown is the holding force, and only its mean counts; the values
+                    beyond the jump are rounding errors */
+    bool turns;  /* the velocity of a contact may have passed 0 twice in a piece */
+    bool early;  /* the values are small, and may be off by more */
+    double part, tolerance; /* of its step, over which the mean counts; tolerated difference over the magnitude */
+    double strength;        /* largest force of a contact */
+    Span last;              /* piece */
+} Comparison;
+
+/* Solve the span again, in by. */
+static int solve_pieces(Engine *e, Newton *newton, int64_t number, Comparison *by)
 {
+    const Span *const s = by->span;
     const Group *const g = &newton->groups[number];
     const int64_t lines = e->lines_from[e->part_count];
+    const int n = by->count;
     double done = 0.0, before = 1.0; /* part of the span; length of the last piece over that of the span before */
     int status = SOLVED;
-    *jumped = *turns = false;
     for (int64_t k = 0; k < lines; k++)
-        means[k] = 0.0;
+        by->halves[k] = 0.0;
     for (int i = 0; i < n && status == SOLVED; i++) {
-        const double end = part_after(i, n, growing), share = end - done;
-        const Span piece = *last = (Span){s->t + done * s->h,
-                                          i + 1 == n ? s->h - done * s->h : share * s->h,
-                                          s->from + done * (s->to - s->from),
-                                          i + 1 == n ? s->to : s->from + end * (s->to - s->from),
-                                          i == 0 ? share * s->ratio : share / before,
-                                          false};
+        const double end = part_after(i, n, by->growing), share = end - done;
+        const bool last = i + 1 == n;
+        const Span piece = {s->t + done * s->h,
+                            last ? s->h - done * s->h : share * s->h,
+                            s->from + done * (s->to - s->from),
+                            last ? s->to : s->from + end * (s->to - s->from),
+                            i == 0 ? share * s->ratio : share / before,
+                            false};
+        by->last = piece;
         if (i == 1)
             swap_loop(e, newton, g); /* the state at the start of the span is still needed */
         if (i > 0)
@@ -240,16 +247,16 @@ static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s
         if (status == SOLVED)
             status = solve(e, newton, g, number, &piece, i == 0);
         for (int64_t k = 0; k < lines; k++) {
-            means[k] += share * e->lines[k].mean;
-            means[lines + k] = i == n - 2 ? newton->moving[k].u1 : means[lines + k];
+            by->halves[k] += share * e->lines[k].mean;
+            by->within[k] = i == n - 2 ? newton->moving[k].u1 : by->within[k];
         }
-        *jumped = *jumped || newton->jumped;
-        *turns = *turns || (growing && status == SOLVED && turns_within(newton, g, &piece));
-        if (status == SOLVED && i + 1 < n)
+        by->jumped = by->jumped || newton->jumped;
+        by->turns = by->turns || (by->growing && status == SOLVED && turns_within(newton, g, &piece));
+        if (status == SOLVED && !last)
             status = follow_rest(e, newton, g, &piece);
-        if (status == SOLVED && i + 1 < n)
+        if (status == SOLVED && !last)
             accept(e, newton, g, number, &piece);
-        if ((status != SOLVED || i + 1 == n) && i > 0)
+        if ((status != SOLVED || last) && i > 0)
             swap_loop(e, newton, g);
         done = end;
         before = share;
@@ -257,37 +264,26 @@ static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s
     return status;
 }
 
-/* Return whether a line is a force in a loop with contacts, or a load to one. */
-static bool is_force(const Newton *newton, const Group *g, int64_t part, int64_t line)
-{
-    if (newton->moving[line].is_force)
-        return true;
-    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
-        if (newton->moving[line].unknown == c->unknown || (part == c->part && line != c->line))
-            return true;
-    return false;
-}
+/* Which difference of an output between a span and its halves is a rounding error. */
+typedef struct {
+    bool held;  /* any: a contact holds its mass in both */
+    bool rests; /* one over the largest output of its unit: the position of a mass that a contact holds in the halves */
+    double noise; /* [1/s] one of the velocity of its mass, see measure_noise */
+} Rounding;
 
-/* Return whether an output belongs to a mass that a contact holds in the span and in its halves: its position and
-   velocity differ by rounding errors only. */
-static bool is_held(const Newton *newton, const Group *g, int64_t output)
+static Rounding rounding_of(const Newton *newton, const Group *g, int64_t output)
 {
+    Rounding found = {false, false, 0.0};
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
-        const Moving *const a = &newton->kept_lines[c->line];
-        const bool moved = a->rests == AT_REST && a->role == IN_JUMP; /* before it came to rest again */
-        if (output >= c->of_mass && output < c->of_next && !moved && is_rest(a) && is_rest(velocity_of(newton, c)))
-            return true;
+        const Moving *const whole = &newton->kept_lines[c->line], *const halves = velocity_of(newton, c);
+        const bool of_mass = output >= c->of_mass && output < c->of_next, position = output == c->position;
+        const bool moved = whole->rests == AT_REST && whole->role == IN_JUMP; /* before it came to rest again */
+        found.held = found.held || (of_mass && !moved && is_rest(whole) && is_rest(halves));
+        found.rests = found.rests || (position && is_rest(halves));
+        if ((of_mass || position) && found.noise == 0.0)
+            found.noise = whole->noise;
     }
-    return false;
-}
-
-/* Return the noise of the velocity of the mass that an output belongs to. */
-static double noise_of(const Newton *newton, const Group *g, int64_t output)
-{
-    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
-        if ((output >= c->of_mass && output < c->of_next) || output == c->position)
-            return newton->kept_lines[c->line].noise;
-    return 0.0;
+    return found;
 }
 
 /* Return the value at the end of a span that a line has, or, at rest, should have: 0 but for errors of the forces. */
@@ -302,117 +298,140 @@ static int measure_noise(Engine *e, Newton *newton, const Group *g, int64_t numb
 {
     const double strength = strength_of(newton, g);
     double norm = 0.0;
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
-            newton->kept_lines[k].noise = ended(e, &newton->moving[k], k);
+    for (int64_t i = g->line; i < g->line + g->lines; i++) {
+        const int64_t k = newton->lines[i];
+        newton->kept_lines[k].noise = ended(e, &newton->moving[k], k);
+    }
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
         newton->w[j] += newton->tolerance * fmax(newton->scale[j], fabs(newton->w[j]));
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
         newton->w[c->unknown] +=
             newton->tolerance * (strength - fmax(newton->scale[c->unknown], fabs(newton->w[c->unknown])));
     const int status = evaluate(e, newton, g, s, true, &norm);
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
-            newton->kept_lines[k].noise = fabs(ended(e, &newton->moving[k], k) - newton->kept_lines[k].noise) / s->h;
+    for (int64_t i = g->line; i < g->line + g->lines; i++) {
+        const int64_t k = newton->lines[i];
+        newton->kept_lines[k].noise = fabs(ended(e, &newton->moving[k], k) - newton->kept_lines[k].noise) / s->h;
+    }
     keep(e, newton, g, number, true);
     return status;
 }
 
-/* Return the largest magnitude of the states with the same unit as that of a mass which is held. */
-static double largest_beside(const Newton *newton, const Group *g, int64_t state)
+/* Return the largest magnitude of the states with this unit. */
+static double largest_of_unit(const Newton *newton, const Group *g, int64_t unit)
 {
     double most = 0.0;
-    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
-        for (int64_t i = g->state;
-             c->position == newton->states[state].output && is_rest(velocity_of(newton, c)) && i < g->state + g->states;
-             i++)
-            most = newton->states[i].unit == newton->states[state].unit ? fmax(most, newton->state_sizes[i]) : most;
+    for (int64_t i = g->state; i < g->state + g->states; i++)
+        if (newton->states[i].unit == unit)
+            most = fmax(most, newton->state_sizes[i]);
     return most;
 }
 
-/* Return the largest difference between a span and its halves over the tolerated one. If the solution lies at a jump,
-   the unknown is the holding force: only its mean counts, and the values beyond the jump are rounding errors. Keep the
-   error that would remain: the mean counts over the whole step, of which the span is a part. An instantaneous event,
-   such as a mass that stops, is never resolved, but does not matter in a span that is short enough. */
-static double difference(const Engine *e, Newton *newton, int64_t number, const Span *s, const double *whole,
-                         const double *halves, bool jumped, bool early, bool smallest)
+/* Return the largest difference of a line over the tolerated one. Keep the largest error that would remain: the mean
+   counts over the whole step, of which the span is a part. An instantaneous event, such as a mass that stops, is never
+   resolved, but does not matter in a span that is short enough. */
+static double compare_lines(const Engine *e, const Newton *newton, const Group *g, const Comparison *by,
+                            StepCheck *guard)
 {
-    const Group *const g = &newton->groups[number];
-    StepCheck *const guard = &newton->guards[number];
-    const double strength = strength_of(newton, g);
-    const double part = smallest ? 1.0 : share_of_tolerance(s), tolerance = part * newton->step_tolerance;
-    double worst = 0.0, most = -1.0, farthest = 0.0;
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            const Moving *const a = &newton->kept_lines[k], *const b = &newton->moving[k];
-            if (!a->inner || (jumped && a->unknown < 0) || (a->role == HOLDING && b->role == HOLDING))
-                continue;
-            const bool force = is_force(newton, g, newton->order[i], k);
-            if (!force && is_held(newton, g, e->sources[e->lines[k].input]))
-                continue;
-            const double in_mean = fabs(whole[k] - halves[k]), at_end = jumped ? 0.0 : fabs(a->u1 - b->u1);
-            const double apart = fmax(0.0, fmax(part * in_mean, at_end) - (force ? 0.0 : a->noise * s->h)),
-                         values = fmax(fabs(a->u1), fabs(b->u1));
-            const double least = a->role == CHANGING ? NEGLIGIBLE * strength : force ? EQUAL * strength : 0.0;
-            const double size = fmax(fmax(a->size, values), least);
-            const double tolerated = tolerance * (early && a->from_rest ? AT_START : 1.0);
-            const double remains = fmax((s->to - s->from) * in_mean, at_end);
-            const double off = apart == 0.0 ? 0.0 : apart / (tolerated * size);
-            worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
-            if (!(remains <= most * size)) {
-                most = remains == 0.0 ? 0.0 : remains / size;
-                guard->line = k;
-                guard->apart = remains;
-            }
-        }
-    const bool divides = s->to - s->from > 1.0 / newton->finest; /* a smaller step would not show more */
-    for (int64_t i = g->state; divides && i < g->state + g->states; i++) {
-        if (is_held(newton, g, newton->states[i].output))
+    const Span *const s = by->span;
+    double worst = 0.0, most = -1.0;
+    for (int64_t i = g->line; i < g->line + g->lines; i++) {
+        const int64_t k = newton->lines[i];
+        const Moving *const a = &newton->kept_lines[k], *const b = &newton->moving[k];
+        if (!a->inner || (by->jumped && a->unknown < 0) || (a->role == HOLDING && b->role == HOLDING))
             continue;
-        const double kept = newton->kept_states[i], value = e->signals[newton->states[i].output];
-        const double least = newton->states[i].unit == 0 ? EQUAL * strength : NEGLIGIBLE * largest_beside(newton, g, i);
-        const double size = fmax(fmax(newton->state_sizes[i], least), fmax(fabs(kept), fabs(value)));
-        const double tolerated = tolerance * (early ? AT_START : DISTANCE_FACTOR);
-        const double noise = noise_of(newton, g, newton->states[i].output) * s->h * s->h;
-        const double off = fabs(kept - value) <= noise ? 0.0 : fabs(kept - value) / (tolerated * size);
-        worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
-    }
-    guard->distance_error = 0.0;
-    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
-        const Moving *const a = &newton->kept_lines[c->line];
-        const bool held = is_held(newton, g, e->sources[e->lines[c->line].input]);
-        if (held && (a->rests || a->u0 == 0.0))
+        if (!a->is_force && rounding_of(newton, g, e->sources[e->lines[k].input]).held)
             continue;
-        const bool begins = early && a->from_rest; /* the distance is short, whatever the method */
-        const double tolerated = tolerance * (begins ? AT_START : DISTANCE_FACTOR);
-        const double means = fmax(fabs(whole[c->line]), fabs(halves[c->line])), path = a->path + s->h * means;
-        const double distance_error = fmax(s->h * fabs(whole[c->line] - halves[c->line]), begins ? 0.0 : a->strayed);
-        if (distance_error <= a->noise * s->h * s->h || path == 0.0)
-            continue;
-        if (!held) /* where a mass stops, shorter steps ... */
-            worst = fmax(worst, distance_error / (tolerated * path));
-        if (distance_error > farthest * path) {
-            farthest = distance_error / path;
-            guard->contact = c->line;
-            guard->distance_error = distance_error;
+        const double in_mean = fabs(by->whole[k] - by->halves[k]), at_end = by->jumped ? 0.0 : fabs(a->u1 - b->u1);
+        const double noise = a->is_force ? 0.0 : a->noise * s->h;
+        const double apart = fmax(0.0, fmax(by->part * in_mean, at_end) - noise);
+        const double least = a->role == CHANGING ? NEGLIGIBLE * by->strength : a->is_force ? EQUAL * by->strength : 0.0;
+        const double size = fmax(fmax(a->size, fmax(fabs(a->u1), fabs(b->u1))), least);
+        const double tolerated = by->tolerance * (by->early && a->from_rest ? AT_START : 1.0);
+        const double remains = fmax((s->to - s->from) * in_mean, at_end);
+        worst = worse(worst, apart == 0.0 ? 0.0 : apart / (tolerated * size));
+        if (!(remains <= most * size)) {
+            most = remains == 0.0 ? 0.0 : remains / size;
+            guard->line = k;
+            guard->apart = remains;
         }
     }
     return worst;
 }
 
+/* Return the same for the outputs that are states. */
+static double compare_states(const Engine *e, const Newton *newton, const Group *g, const Comparison *by)
+{
+    const double tolerated = by->tolerance * (by->early ? AT_START : DISTANCE_FACTOR), h = by->span->h;
+    double worst = 0.0;
+    for (int64_t i = g->state; i < g->state + g->states; i++) {
+        const StateOutput *const state = &newton->states[i];
+        const Rounding rounding = rounding_of(newton, g, state->output);
+        const double whole = newton->kept_states[i], halves = e->signals[state->output], apart = fabs(whole - halves);
+        if (rounding.held || apart <= rounding.noise * h * h)
+            continue;
+        const double beside = rounding.rests ? largest_of_unit(newton, g, state->unit) : 0.0;
+        const double least = state->unit == 0 ? EQUAL * by->strength : NEGLIGIBLE * beside;
+        const double size = fmax(fmax(newton->state_sizes[i], least), fmax(fabs(whole), fabs(halves)));
+        worst = worse(worst, apart / (tolerated * size));
+    }
+    return worst;
+}
+
+/* Return the same for the distances along the contacts. Keep the largest error of one over the path. */
+static double compare_distances(const Engine *e, const Newton *newton, const Group *g, const Comparison *by,
+                                StepCheck *guard)
+{
+    const double h = by->span->h;
+    double worst = 0.0, farthest = 0.0;
+    guard->distance_error = 0.0;
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
+        const Moving *const a = &newton->kept_lines[c->line];
+        const bool held = rounding_of(newton, g, e->sources[e->lines[c->line].input]).held;
+        if (held && (a->rests || a->u0 == 0.0))
+            continue;
+        const bool begins = by->early && a->from_rest; /* the distance is short, whatever the method */
+        const double tolerated = by->tolerance * (begins ? AT_START : DISTANCE_FACTOR);
+        const double whole = by->whole[c->line], halves = by->halves[c->line];
+        const double path = a->path + h * fmax(fabs(whole), fabs(halves));
+        const double error = fmax(h * fabs(whole - halves), begins ? 0.0 : a->strayed);
+        if (error <= a->noise * h * h || path == 0.0)
+            continue;
+        if (!held) /* contacts.h has divided the step where a stop needs it: what remains counts, but does not divide it
+                    */
+            worst = fmax(worst, error / (tolerated * path));
+        if (error > farthest * path) {
+            farthest = error / path;
+            guard->contact = c->line;
+            guard->distance_error = error;
+        }
+    }
+    return worst;
+}
+
+/* Return the largest difference between a span and its halves over the tolerated one. */
+static double difference(const Engine *e, Newton *newton, int64_t number, const Comparison *by)
+{
+    const Group *const g = &newton->groups[number];
+    const bool divides = by->span->to - by->span->from > 1.0 / newton->finest; /* a smaller step would not show more */
+    double worst = compare_lines(e, newton, g, by, &newton->guards[number]);
+    if (divides)
+        worst = fmax(worst, compare_states(e, newton, g, by));
+    return fmax(worst, compare_distances(e, newton, g, by, &newton->guards[number]));
+}
+
 /* Return whether a motion that begins with a span is slower than that: all values vary almost linearly, or, from rest,
    none has most of its change at the start, as one that settles or oscillates has. `within`: the values at the end of
    the last piece but one. */
-static bool resolves(const Engine *e, const Newton *newton, const Group *g, const double *within, bool from_rest)
+static bool resolves(const Newton *newton, const Group *g, const double *within, bool from_rest)
 {
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            const double u0 = newton->kept_lines[k].u0, change = newton->moving[k].u1 - u0;
-            const double ahead = fabs(within[k] - u0) - fabs(change) / RUNG;
-            const double bend = from_rest ? ahead : fabs(within[k] - (u0 + change / RUNG));
-            if (newton->moving[k].inner && bend > BENT * fabs(change) && bend > SLIGHT * newton->moving[k].scale)
-                return false;
-        }
+    for (int64_t i = g->line; i < g->line + g->lines; i++) {
+        const int64_t k = newton->lines[i];
+        const double u0 = newton->kept_lines[k].u0, change = newton->moving[k].u1 - u0;
+        const double ahead = fabs(within[k] - u0) - fabs(change) / RUNG;
+        const double bend = from_rest ? ahead : fabs(within[k] - (u0 + change / RUNG));
+        if (newton->moving[k].inner && bend > BENT * fabs(change) && bend > SLIGHT * newton->moving[k].scale)
+            return false;
+    }
     return true;
 }
 
@@ -423,15 +442,17 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
                  double *off, Span *end)
 {
     const Group *const g = &newton->groups[number];
+    StepCheck *const guard = &newton->guards[number];
     const int64_t lines = e->lines_from[e->part_count], most = newton->most_unknowns;
-    double *const whole = newton->kept + 6 * most + most * most, *const halves = whole + lines, norm = 0.0;
-    const double before = newton->before[number];
-    const bool jumped = newton->jumped;
-    const bool finer = anew || turns_within(newton, g, s);
-    const int pieces = finer ? pieces_of(s->to - s->from) : 2;
-    bool halves_jumped = false, turns = false;
-    Span last = *s;
-
+    double *const whole = newton->kept + 6 * most + most * most, norm = 0.0;
+    const double before = newton->before[number], length = s->to - s->from;
+    const bool jumped = newton->jumped, finer = anew || turns_within(newton, g, s);
+    Comparison by = {.span = s, .whole = whole, .growing = finer, .jumped = jumped};
+    by.halves = whole + lines;
+    by.within = by.halves + lines;
+    by.count = finer ? pieces_of(length) : 2;
+    by.part = smallest ? 1.0 : share_of_tolerance(s);
+    by.tolerance = by.part * newton->step_tolerance;
     for (int64_t k = 0; k < lines; k++)
         whole[k] = e->lines[k].mean;
     for (int64_t i = g->state; i < g->state + g->states; i++)
@@ -442,30 +463,29 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
     int status = anew && tick == 0 ? measure_noise(e, newton, g, number, s) : SOLVED;
     if (status != SOLVED && status != 2)
         return status;
-    status = solve_pieces(e, newton, number, s, pieces, finer, halves, &halves_jumped, &turns, &last);
+    status = solve_pieces(e, newton, number, &by);
     const bool failed_halves = status == NOT_CONVERGED || status == 2;
     if (status != SOLVED && !failed_halves)
         return status;
-    if (anew)
-        newton->guards[number].resolves = failed_halves || !resolves(e, newton, g, halves + lines, tick == 0) ? 0
-                                          : s->to - s->from < 1.0 ? PART_OF_STEP
-                                                                  : WHOLE_STEP;
-    const bool early = tick < EARLY && newton->guards[number].resolves == WHOLE_STEP;
-    const double found =
-        failed_halves ? INFINITY
-                      : difference(e, newton, number, s, whole, halves, jumped || halves_jumped, early, smallest);
-    *off = fmax(*off, turns ? fmax(found, TURNED) : found);
-    newton->guards[number].checks++;
-    const bool smooth = !finer && !failed_halves && !jumped && !halves_jumped;
-    if (newton->error == 0.0 && smooth && s->to - s->from < 1.0 && (*off <= 1.0 || smallest)) {
-        *end = last;
+    if (anew && (failed_halves || !resolves(newton, g, by.within, tick == 0)))
+        guard->resolves = 0;
+    else if (anew)
+        guard->resolves = length < 1.0 ? PART_OF_STEP : WHOLE_STEP;
+    by.early = tick < EARLY && guard->resolves == WHOLE_STEP;
+    by.strength = strength_of(newton, g);
+    *off = fmax(*off, failed_halves ? INFINITY : difference(e, newton, number, &by));
+    *off = by.turns ? fmax(*off, TURNED) : *off;
+    guard->checks++;
+    const bool smooth = !finer && !failed_halves && !by.jumped, right = *off <= 1.0 || smallest;
+    if (newton->error == 0.0 && length < 1.0 && smooth && right) {
+        *end = by.last;
         return SOLVED;
     }
     keep(e, newton, g, number, true);
     newton->before[number] = before;
     if (failed_halves) { /* as where a contact breaks away: the error is over with the span */
-        newton->guards[number].apart = (s->to - s->from) * newton->moving[newton->guards[number].line].scale;
-        newton->guards[number].distance_error = 0.0;
+        guard->apart = length * newton->moving[guard->line].scale;
+        guard->distance_error = 0.0;
     }
     status = evaluate(e, newton, g, s, true, &norm);
     newton->jumped = jumped;

@@ -52,7 +52,7 @@ static int estimate_error(Engine *e, Newton *newton, int64_t number, Progress *p
 {
     const Group *const g = &newton->groups[number];
     /* at a jump the contact sticks: v = 0 within the tolerance, and the estimate is meaningless */
-    *off = newton->error > 0.0 && !newton->jumped ? error_of(e, newton, g, s) / newton->error : 0.0;
+    *off = newton->error > 0.0 && !newton->jumped ? error_of(newton, g, s) / newton->error : 0.0;
     if (!newton->guards[number].abandoned && amplifies(newton, g, s))
         *off = fmax(*off, AMPLIFIED);
     const bool anew = begins_anew(newton, number, p->tick, s);
@@ -70,67 +70,74 @@ static int estimate_error(Engine *e, Newton *newton, int64_t number, Progress *p
     return *checked ? check(e, newton, number, s, p->tick, anew, smallest, off, end) : SOLVED;
 }
 
+/* Advance a loop by a span of this length, or by a shorter one where errors require it, or where a contact stops or
+   breaks away. */
+static int advance_span(Engine *e, Newton *newton, int64_t number, Progress *p, double piece)
+{
+    const Group *const g = &newton->groups[number];
+    const double smallest = ldexp(p->h, -MOST_HALVINGS);
+    int splits = 0, status = save_loop(e, newton, g, p->t);
+    if (status == SOLVED)
+        status = share_again(e, newton, number, p->t + p->done, p->done / p->h);
+    for (bool again = false; status == SOLVED; again = true) {
+        const Span s = next_span(newton, number, p, piece);
+        Span end = s;
+        double off = 0.0;
+        bool checked = false;
+        newton->splits = splits < MOST_SPLITS && piece > smallest;
+        status = solve(e, newton, g, number, &s, again);
+        newton->splits = false;
+        if (status == BREAKS_AWAY) {
+            piece *= newton->share;
+            splits++;
+            status = SOLVED;
+            continue;
+        }
+        if (status == SOLVED)
+            status = estimate_error(e, newton, number, p, &s, splits > 0, &off, &checked, &end);
+        const double accurate = fmax(smallest, shortest(newton, p, s.h / s.ratio));
+        if (status == SOLVED && (checked || off == AMPLIFIED))
+            conclude(newton, number, p->tick, &s, off, piece <= accurate);
+        if (status == SOLVED && (off <= 1.0 || piece <= accurate)) {
+            status = follow_rest(e, newton, g, &s);
+            if (status != SOLVED)
+                return status;
+            accept(e, newton, g, number, &end);
+            newton->substeps++;
+            if (again && splits == 0) /* the motion after a jump is soon slower, and an event is soon over */
+                limit_steps(&newton->guards[number], fmax(s.h, p->h / (p->since < 0.0 ? newton->finest : RUNG * RUNG)));
+            p->done = s.to >= 1.0 ? p->h : p->done + piece;
+            const double growth = off < 0.039 ? 4.0 : fmin(4.0, 0.8 / sqrt(off + 1e-9)); /* more than 4 below 0.04 */
+            if (splits == 0)
+                newton->proposed[number] = fmax(accurate, piece * (again ? 1.0 : growth));
+            return SOLVED;
+        }
+        newton->rejected++;
+        const bool shorter = status == SOLVED || status == NOT_CONVERGED || status == 2; /* may help */
+        if (!shorter || piece <= smallest)
+            return status;
+        piece = status == SOLVED ? fmax(accurate, piece * fmax(0.2, 0.8 / sqrt(off))) : 0.5 * piece;
+        status = SOLVED;
+    }
+    return status;
+}
+
 /* Advance a loop over one step, in as many spans as needed. */
 static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, double h)
 {
-    const Group *const g = &newton->groups[number];
     StepCheck *const guard = &newton->guards[number];
-    const double smallest = ldexp(h, -MOST_HALVINGS);
-    double *const proposed = &newton->proposed[number];
     Progress p = {e->time, h, 0.0, -1.0, false, tick};
     while (p.done < h) {
-        const bool varies = (newton->error > 0.0 || guard->checks_due > 0) && *proposed > 0.0;
-        double piece = fmin(varies ? *proposed : h, h - p.done);
+        const double proposed = newton->proposed[number];
+        const bool varies = (newton->error > 0.0 || guard->checks_due > 0) && proposed > 0.0;
+        double piece = fmin(varies ? proposed : h, h - p.done);
         piece = guard->limited_ticks > 0 ? fmin(piece, guard->limit) : piece;
         piece = p.since >= 0.0 && p.done > p.since ? fmin(piece, RUNG * (p.done - p.since)) : piece;
-        int status = save_loop(e, newton, g, p.t);
-        if (status == SOLVED)
-            status = share_again(e, newton, number, p.t + p.done, p.done / h);
-        int splits = 0;
-        for (bool again = false; status == SOLVED; again = true) {
-            const Span s = next_span(newton, number, &p, piece);
-            Span end = s;
-            double off = 0.0;
-            bool checked = false;
-            newton->splits = splits < MOST_SPLITS && piece > smallest;
-            status = solve(e, newton, g, number, &s, again);
-            newton->splits = false;
-            if (status == BREAKS_AWAY) {
-                piece *= newton->share;
-                splits++;
-                status = SOLVED;
-                continue;
-            }
-            if (status == SOLVED)
-                status = estimate_error(e, newton, number, &p, &s, splits > 0, &off, &checked, &end);
-            const double accurate = shortest(newton, &p, s.h / s.ratio);
-            if (status == SOLVED && (checked || off == AMPLIFIED))
-                conclude(newton, number, tick, &s, off, piece <= accurate);
-            if (status == SOLVED && (off <= 1.0 || piece <= accurate)) {
-                status = follow_rest(e, newton, g, &s);
-                if (status != SOLVED)
-                    return status;
-                accept(e, newton, g, number, &end);
-                newton->substeps++;
-                if (again && splits == 0) /* the motion after a jump is soon slower, and an event is soon over */
-                    limit_steps(guard, fmax(s.h, h / (p.since < 0.0 ? newton->finest : RUNG * RUNG)));
-                p.done = s.to >= 1.0 ? h : p.done + piece;
-                if (splits == 0) /* 0.8 / sqrt(off) would be more than 4 below 0.04 */
-                    *proposed = fmax(accurate, piece * (again         ? 1.0
-                                                        : off < 0.039 ? 4.0
-                                                                      : fmin(4.0, 0.8 / sqrt(off + 1e-9))));
-                break;
-            }
-            newton->rejected++;
-            if ((status != SOLVED && status != NOT_CONVERGED && status != 2) || piece <= smallest)
-                return status;
-            piece = status == SOLVED ? fmax(accurate, piece * fmax(0.2, 0.8 / sqrt(off))) : 0.5 * piece;
-            status = SOLVED;
-        }
+        const int status = advance_span(e, newton, number, &p, piece);
         if (status != SOLVED)
             return status;
     }
-    forget_peaks(e, newton, g);
+    forget_peaks(newton, &newton->groups[number]);
     release_limit(guard, h);
     if (p.since >= 0.0 && !guard->resolves && !guard->abandoned && guard->checks_due == 0)
         guard->checks_due = 1; /* the motion may be over within a part of the next step */
@@ -163,17 +170,12 @@ static bool advance_group(Engine *e, Newton *newton, int64_t number, int64_t tic
     }
     if (!is_due(e, p, tick))
         return true;
-    fetch_inputs(e, p);
-    int status = hand_over(p, e->signals);
-    if (status > 1)
-        return failed(e, index, SET, status, t);
     double begin = 0.0, length = 0.0;
     interval_of(e, p, tick, &begin, &length);
-    status = step_part(p, begin, length);
-    if (status > 1)
-        return failed(e, index, STEP, status, t);
-    status = fetch_outputs(p, e->signals);
-    return status <= 1 || failed(e, index, GET, status, t);
+    fetch_inputs(e, p);
+    return outcome(e, index, SET, hand_over(p, e->signals), t) == SOLVED &&
+           outcome(e, index, STEP, step_part(p, begin, length), t) == SOLVED &&
+           outcome(e, index, GET, fetch_outputs(p, e->signals), t) == SOLVED;
 }
 
 EXPORT bool newton_tick(Engine *e, int64_t tick);

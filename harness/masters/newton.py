@@ -59,12 +59,8 @@ MOST_CARRIED: Final = 62
 OF_A_MASS: Final = 3
 """Most outputs without direct dependency of a single mass: position, velocity, and position of the support or force."""
 
-Moving = mirror("Moving")
-Contact = mirror("Contact")
-Group = mirror("Group")
-StateOutput = mirror("StateOutput")
-StepCheck = mirror("StepCheck")
-NewtonData = mirror("Newton")
+Moving, Contact, Group, StateOutput = (mirror(name) for name in ("Moving", "Contact", "Group", "StateOutput"))
+StepCheck, NewtonData = mirror("StepCheck"), mirror("Newton")
 
 
 def groups_of(plan: Plan, wires: Sequence[MovingWire]) -> list[list[int]]:
@@ -107,12 +103,12 @@ class Loops(Algorithm):
         groups = groups_of(plan, wires)
         self.order = [part for group in groups for part in group]
         place = {part: index for index, part in enumerate(self.order)}
+        self.lines = sorted(range(len(wires)), key=lambda line: place[wires[line].target])
         group_of = {part: number for number, group in enumerate(groups) for part in group}
-        unknowns: list[int] = []
-        numbers: dict[int, int] = {}
+        numbers: dict[int, int] = {}  # of the unknowns, by the output that each stands for
         self.rows: list[ctypes.Structure] = []
         self.held: list[int] = []
-        first = 0
+        first = first_line = 0
         inner = [
             wire for wire in wires if group_of[wire.source] == group_of[wire.target] and not plan.delays[wire.input]
         ]
@@ -120,21 +116,24 @@ class Loops(Algorithm):
             part: contact for part in range(len(plan.parts)) if (contact := contact_of(plan, part, inner)) is not None
         }
         forces = {contact[1] for contact in contacts.values() if contact[2]}
+        unsolved = {wire for wire in inner if place[wire.source] >= place[wire.target] or wire.output in forces}
+        self.force_lines: set[int] = set()
         self.contacts: list[tuple[int, ...]] = []
         self.loads: list[int] = []
-        self.states: list[tuple[int, int, int]] = []
+        self.states: list[tuple[int, int]] = []
         driving = {wire.output for wire in inner}
         compared = set(state_outputs({part.name: part for part in plan.parts}))
         for number, group in enumerate(groups):
             mine = [wire for wire in inner if group_of[wire.source] == number]
-            begin = len(unknowns)
+            begin = len(numbers)
             for wire in mine:
-                if (place[wire.source] >= place[wire.target] or wire.output in forces) and wire.output not in numbers:
-                    numbers[wire.output] = len(unknowns)
-                    unknowns.append(wire.output)
+                if wire in unsolved:
+                    numbers.setdefault(wire.output, len(numbers))
             held = _held_inputs(plan, group, wires) if plan.parts[group[0]].moves else []
-            row = (first, len(group), bool(mine), begin, len(unknowns) - begin, len(self.held), len(held))
+            lines = [line for line, wire in enumerate(wires) if wire.target in group]
+            row = (first, len(group), bool(mine), first_line, len(lines), begin, len(numbers) - begin)
             known = len(self.contacts)
+            units: dict[BaseUnit | None, int] = {}  # 0: of the force of a contact
             for part in group:
                 line, force, loads = contacts.get(part, (0, -1, []))
                 if force in numbers:
@@ -143,35 +142,38 @@ class Loops(Algorithm):
                     reads = part, wires.index(inner[line]), numbers[force], len(self.loads), len(loads)
                     position = position_of(plan, inner[line])
                     position = position if plan.names[position] in compared else -1  # it may be recorded only
-                    self.contacts.append((*reads, *(own if single else (0, 0)), position))
+                    nth = len(self.contacts) - known
+                    bit = 1 << nth if nth < MOST_CARRIED else 0
+                    self.contacts.append((*reads, *(own if single else (0, 0)), position, bit))
                     self.loads += loads
-            units = dict.fromkeys(self._force_units(plan, unknowns, group), 0)
+                    self.force_lines |= {i for i in lines if wires[i].target == part and i != reads[1]}
+                    self.force_lines |= {i for i in lines if wires[i] in unsolved and wires[i].output == force}
+                    units[unit_of(plan.ports[plan.names[force]])] = 0
+            units.pop(None, None)
+            of_force = {i for i in lines if units.get(unit_of(plan.ports[plan.names[wires[i].output]])) == 0}
+            self.force_lines |= of_force
             states = [
-                (
-                    signal,
-                    next(i for i, wire in enumerate(wires) if wire in inner and wire.target == part),
-                    units.setdefault(unit_of(plan.ports[plan.names[signal]]), 1 + len(units)),
-                )
+                (signal, units.setdefault(unit_of(plan.ports[plan.names[signal]]), 1 + len(units)))
                 for part in group
                 if mine
                 for signal in range(*plan.outputs[part])
                 if signal not in driving and plan.names[signal] in compared
             ]
-            self.rows.append(Group(*row, known, len(self.contacts) - known, len(self.states), len(states)))
+            counts = len(self.held), len(held), known, len(self.contacts) - known, len(self.states), len(states)
+            self.rows.append(Group(*row, *counts))
             self.states += states
-            first += len(group)
+            first, first_line = first + len(group), first_line + len(lines)
             self.held += held
-            if mine:
-                self._check(engine, group)
+            for part in group:
+                if mine and not plan.parts[part].saves:
+                    raise ExperimentError(
+                        f"'{plan.parts[part].name}' is part of a loop and cannot save its state: "
+                        "use the master gauss-seidel or jacobi"
+                    )
         self.groups, self.plan = groups, plan
-        self.unknowns, self.inner, self.wires = unknowns, inner, wires
+        self.unknowns, self.inner, self.wires = list(numbers), inner, wires
         self._engine, self._tolerance, self._error, self._step_tolerance = engine, tolerance, error, step_tolerance
-        self.numbers = [
-            numbers[wire.output]
-            if wire in inner and (place[wire.source] >= place[wire.target] or wire.output in forces)
-            else -1
-            for wire in wires
-        ]
+        self.numbers = [numbers[wire.output] if wire in unsolved else -1 for wire in wires]
 
     def begin(self) -> None:
         """Begin a run at the start values of the plan."""
@@ -190,21 +192,17 @@ class Loops(Algorithm):
         places = Moving * max(1, len(self.wires))
         self._arrays = (
             (Group * len(rows))(*rows),
-            places(*(Moving(*row) for row in self.lines())),
+            places(*(Moving(*row) for row in self.line_data())),
             (StepCheck * len(rows))(),
             places(),
         )
         data.groups, data.moving, data.guards, data.kept_lines = (ctypes.addressof(array) for array in self._arrays)
         data.kept = keep(np.zeros(6 * most + most * most + 3 * len(self.wires)))
         data.group_count = len(rows)
-        data.order = keep(np.array(self.order, dtype=np.int64))
+        for name in ("order", "lines", "unknowns", "contacts", "loads", "states", "held"):
+            setattr(data, name, keep(np.array(getattr(self, name), dtype=np.int64)))
         data.continuous = keep(np.array([part.moves for part in plan.parts], dtype=np.int64))
-        data.unknowns = keep(np.array(self.unknowns, dtype=np.int64))
-        data.contacts = keep(np.array(self.contacts, dtype=np.int64))
-        data.loads = keep(np.array(self.loads, dtype=np.int64))
-        data.states = keep(np.array(self.states, dtype=np.int64))
         data.kept_states = keep(np.zeros(len(self.states)))
-        data.held = keep(np.array(self.held, dtype=np.int64))
         for name, array in self._memory.items():
             setattr(data, name, keep(array))
         data.r, data.work = keep(np.zeros(n)), keep(np.zeros(7 * most + 2 * most * most))
@@ -223,30 +221,23 @@ class Loops(Algorithm):
                 after.setdefault(wire.output, []).append(line)
         carried = [0] * len(self.wires)
         for group in self.rows:
-            for bit in range(min(group.contacts, MOST_CARRIED)):
-                outputs = [self.unknowns[self.contacts[group.contact + bit][2]]]
+            mine = self.contacts[group.contact : group.contact + min(group.contacts, MOST_CARRIED)]
+            for _, _, unknown, *_, bit in mine:
+                outputs = [self.unknowns[unknown]]
                 for line in (line for output in outputs for line in after.get(output, ())):
-                    wire, new = self.wires[line], not carried[line] >> bit & 1
-                    carried[line] |= 0 if wire.output == outputs[0] else 1 << bit
+                    wire, new = self.wires[line], not carried[line] & bit
+                    carried[line] |= 0 if wire.output == outputs[0] else bit
                     if new and wire.target not in contacts:
                         direct, port = parts[wire.target].dependencies, split_name(names[wire.input])[1]
                         signals = range(*self.plan.outputs[wire.target])
                         outputs += [signal for signal in signals if port in direct[split_name(names[signal])[1]]]
         return carried
 
-    def lines(self) -> list[tuple[int, int, int, int]]:
+    def line_data(self) -> list[tuple[int, int, int, int]]:
         """Return the first numbers of `Moving` for each line."""
-        ports, names = self.plan.ports, self.plan.names
-        found = []
-        for wire, unknown, carries in zip(self.wires, self.numbers, self._carried(), strict=True):
-            mine = self.groups[next(i for i, parts in enumerate(self.groups) if wire.target in parts)]
-            is_force = unit_of(ports[names[wire.output]]) in self._force_units(self.plan, self.unknowns, mine)
-            found.append((int(wire in self.inner), unknown, int(is_force), carries))
-        return found
-
-    def _force_units(self, plan: Plan, unknowns: Sequence[int], group: Sequence[int]) -> set[BaseUnit | None]:
-        """Return the units of the forces of the contacts in a loop."""
-        return {unit_of(plan.ports[plan.names[unknowns[row[2]]]]) for row in self.contacts if row[0] in group} - {None}
+        inner, forces = set(self.inner), self.force_lines
+        rows = enumerate(zip(self.wires, self.numbers, self._carried(), strict=True))
+        return [(int(wire in inner), unknown, int(i in forces), carries) for i, (wire, unknown, carries) in rows]
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:
         """Return the values kept from step to step for a checkpoint, as views of the data."""
@@ -296,11 +287,3 @@ class Loops(Algorithm):
             f"its residual is {self.data.worst_residual:.2g} of the size of the values; look for a part whose outputs "
             "do not settle"
         )
-
-    def _check(self, engine: Engine, group: Sequence[int]) -> None:
-        for part in group:
-            if not engine.plan.parts[part].saves:
-                raise ExperimentError(
-                    f"'{engine.plan.parts[part].name}' is part of a loop and cannot save its state: "
-                    "use the master gauss-seidel or jacobi"
-                )

@@ -237,7 +237,7 @@ class _Writer:
             numbers = f"{int(not np.isnan(first))}, {c_number(np.nan_to_num(first))}"
             delays.append(f"    {{{', '.join(str(int(x)) for x in row)}, {numbers}}},")
         begins = np.searchsorted([wire.target for wire in loops.wires], range(len(plan.parts) + 1))
-        lines = [f"    {{{', '.join(map(str, line))}}}," for line in loops.lines()]
+        lines = [f"    {{{', '.join(map(str, line))}}}," for line in loops.line_data()]
         return [
             *c_integers("source_of", plan.sources),
             *c_reals("wire_gains", plan.wire_gains),
@@ -252,20 +252,18 @@ class _Writer:
         plan, loops = self._plan, self._loops
         groups = [f"    {{{', '.join(str(getattr(row, field)) for field, *_ in row._fields_)}}}," for row in loops.rows]
         contacts = [f"    {{{', '.join(map(str, contact))}}}," for contact in loops.contacts]
-        states = [f"    {{{output}, {line}, {unit}}}," for output, line, unit in loops.states]
+        states = [f"    {{{output}, {unit}}}," for output, unit in loops.states]
         names = [f"    {c_string(_brief(loops.shown(number)))}," for number in range(len(loops.rows))]
         lines = [f"    {c_string(f'{plan.names[wire.output]} -> {plan.names[wire.input]}')}," for wire in loops.wires]
-        group_of = {part: number for number, group in enumerate(loops.groups) for part in group}
-        groups_of_lines = [group_of[wire.target] for wire in loops.wires]
         return [
             *c_rows("Group group_data", groups, "{0}"),
-            *c_rows("Contact contact_data", contacts, "{0, 0, 0, 0, 0, 0, 0, 0}"),
+            *c_rows("Contact contact_data", contacts, "{0}"),
             *c_integers("load_inputs", loops.loads),
-            *c_rows("StateOutput state_data", states, "{0, 0, 0}"),
+            *c_rows("StateOutput state_data", states, "{0}"),
             *c_rows("char *const loop_names", names, '""'),
-            *c_integers("line_groups", groups_of_lines),
             *c_rows("char *const line_names", lines, '""'),
             *c_integers("part_order", loops.order),
+            *c_integers("group_lines", loops.lines),
             *c_integers("continuous", [part.moves for part in plan.parts]),
             *c_integers("unknown_outputs", loops.unknowns),
             *c_integers("held_inputs", loops.held),
