@@ -85,7 +85,9 @@ def explanation(parameters: Mapping[str, float], v: Array, friction: Array, unit
         f"{np.count_nonzero(near)} points) and {high:.3g} {units.force} at 2 to 4 vs"
     )
     if low < high:
-        return f"{FS_BELOW_FC}: this axis shows no Stribeck effect; {means}"
+        own = parameters.keys() & {"sigma0", "sigma"}  # a model with presliding
+        hidden = "" if own else ", or presliding after reversals hides it, which LuGre would show"
+        return f"{FS_BELOW_FC}: this axis shows no Stribeck effect{hidden}; {means}"
     return f"{FS_BELOW_FC}, but {means}: friction near rest is not smaller; fix Fs, or measure slow constant velocities"
 
 

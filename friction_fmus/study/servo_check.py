@@ -679,6 +679,8 @@ def check_servo(record: Record, servo: Servo | None) -> CheckedServo:
     missing += [f"drive {u.force}"] if record.force is None else []
     if servo is None or missing:
         lacks = "the configuration has no servo" if servo is None else f"the record has no {' and no '.join(missing)}"
+        if not missing and record.units.known:  # it was tried by `estimate_servo`
+            lacks += f", and no known controller gives this {u.force}, which may be logged late or at a lower rate"
         reason = f"The servo was not compared with the record, because {lacks}."
         return CheckedServo(ServoCheck(reason=reason), injected=record.injected)
     compared = _compared(record, servo)
@@ -762,6 +764,7 @@ FEW: Final = 1500  # samples that are used in the search for a filter
 DELAYS: Final = (0, 1, 2, 3)  # samples by which the recorded force may lag the command
 EXACT: Final = 1e-3  # residual over the rms force up to which fits are equally good
 PILED: Final = 0.01  # fraction of samples at the largest force above which it is the limit of the drive
+NEAR_LIMIT: Final = 0.95  # share of the largest force above which a measured force may be that at the limit
 BEYOND: Final = 1.5  # assumed limit over the largest recorded force, if the record does not show the limit
 
 
@@ -801,16 +804,19 @@ def estimate_servo(record: Record) -> EstimatedServo | None:
     highest = float(np.max(np.abs(record.force)))
     if highest == 0.0:
         return None
-    piled = float(np.mean(np.abs(record.force) >= (1.0 - 1e-6) * highest)) > PILED
-    limit = highest if piled else BEYOND * highest
-    with threadpool_limits(1):  # a thread would take longer to start than one of these small fits
-        attempts = list(_attempts(record, limit))
-    least, level = min((attempt.fit.left for attempt in attempts), default=0.0), rms(record.force)
-    good = [each for each in attempts if each.fit.left <= max(SIMPLER * least, EXACT * level)]
-    for attempt in sorted(good, key=lambda each: (each.extras, each.fit.left)):
-        servo, residual = attempt.servo(), attempt.fit.left / level
-        if servo is not None and residual <= TRUSTED:
-            return EstimatedServo(servo, residual, _finding(record, servo, residual, piled))
+    size, level = np.abs(record.force), rms(record.force)
+    # A measured force is not exactly the limit: if no law reproduces the record, those near the largest one may be.
+    near = float(np.median(size[size >= NEAR_LIMIT * highest]))
+    piled = float(np.mean(size >= (1.0 - 1e-6) * highest)) > PILED
+    for limit in (highest,) if piled else (BEYOND * highest, near):
+        with threadpool_limits(1):  # a thread would take longer to start than one of these small fits
+            attempts = list(_attempts(record, limit))
+        least = min((attempt.fit.left for attempt in attempts), default=0.0)
+        good = [each for each in attempts if each.fit.left <= max(SIMPLER * least, EXACT * level)]
+        for attempt in sorted(good, key=lambda each: (each.extras, each.fit.left)):
+            servo, residual = attempt.servo(), attempt.fit.left / level
+            if servo is not None and residual <= TRUSTED:
+                return EstimatedServo(servo, residual, _finding(record, servo, residual, limit <= highest))
     return None
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from thorough import nightly
 
 from friction_fmus.__main__ import main
@@ -88,6 +89,13 @@ def test_units_with_a_temperature_are_no_names(tmp_path: Path) -> None:
     assert used(read_measurement(path)) == {"time": "Time", "position": "Position", "force": "Torque"}
 
 
+def test_signals_that_rest_for_nearly_all_of_the_log_are_refused(tmp_path: Path) -> None:
+    levels = np.repeat([1.0, 2.0, 3.0, 4.0, 3.0, 2.0], 2000)
+    slow = lfilter([0.01], [1.0, -0.99], levels)
+    with pytest.raises(AmbiguousColumnsError, match="state the sample time"):
+        read_measurement(saved(tmp_path, "input,output", levels, slow))
+
+
 def test_a_refusal_shows_what_is_known_and_what_is_missing(tmp_path: Path) -> None:
     with pytest.raises(AmbiguousColumnsError) as caught:
         read_measurement(saved(tmp_path, "Time [s],Torque [N.m]", T, TAU))
@@ -112,6 +120,22 @@ def test_a_file_without_headings_is_read_by_its_motion(tmp_path: Path) -> None:
     measurement = read_measurement(saved(tmp_path, "", T, noise, 2 * TAU, V, Q))
     assert used(measurement) == {"time": "column 1", "position": "column 5", "force": "column 3"}
     assert found(measurement)["Fc"] == pytest.approx(2 * FC, rel=0.02)
+
+
+def test_a_scope_that_writes_the_name_before_each_value(tmp_path: Path) -> None:
+    """The format of LinuxCNC's halscope: a sentence with the period, and names in every row, here as in Germany."""
+    names = ("joint.0.motor-pos-cmd", "joint.0.motor-pos-fb", "spindle.0.on", "pid.0.output")
+    lead = Q + 0.01 * V
+    columns = [[f"{name} {x:+.14f}" for x in each] for name, each in zip(names, (lead, Q, 0 * Q, TAU), strict=True)]
+    lines = [re.sub(r"(\d)\.(\d+)(?!\S)", r"\1,\2", " ".join(row)) for row in zip(*columns, strict=True)]
+    path = tmp_path / "halscope.log"
+    path.write_text("\n".join(["Sampling period is 2000000 nSec ", "", *lines]) + "\n", encoding="utf-8")
+    measurement = read_measurement(path)
+    roles = {"position": names[1], "reference": names[0], "force": names[3]}
+    assert {role: name for role, name in used(measurement).items() if role != "time"} == roles
+    (record,) = measurement.records
+    assert record.Ts == pytest.approx(2e-3)
+    assert record.q == pytest.approx(Q, abs=1e-12)
 
 
 def test_two_forces_that_fit_are_asked_about_with_commands_that_work(tmp_path: Path) -> None:

@@ -146,6 +146,23 @@ def test_a_change_of_rate_is_no_gap(tmp_path: Path) -> None:
     assert (slow.Ts, fast.Ts) == (pytest.approx(0.01), pytest.approx(0.001))
 
 
+def test_rows_that_are_lost_at_random_do_not_change_the_rate(tmp_path: Path) -> None:
+    kept = np.sort(np.random.default_rng(7).choice(20_000, 14_000, replace=False))
+    t = kept * 1e-3
+    measurement = read_measurement(axis(tmp_path, t, motion(t), velocity(t)))
+    # five lost rows leave a gap, so that pieces shorter than 50 samples between two of them are no use either
+    assert named(measurement.findings) == ["gaps", "short-pieces", "irregular-sampling"]
+    assert sum(map(len, measurement.records)) > 19_000
+    for record in measurement.records:
+        assert record.q == pytest.approx(motion(record.t), abs=1e-6)
+
+
+def test_the_first_of_several_changes_of_the_rate_is_stated(tmp_path: Path) -> None:
+    t = np.cumsum(np.repeat([1e-3, 2e-3, 1e-3], [300, 300, 900]))
+    (change,) = read_measurement(axis(tmp_path, t, motion(t), velocity(t))).findings
+    assert "changes 2 times, first from 0.001 s to 0.002 s" in change.what
+
+
 def test_a_position_that_is_updated_less_often_is_reduced_to_its_updates(tmp_path: Path) -> None:
     held = motion(T)[np.arange(len(T)) // 4 * 4]
     measurement = read_measurement(axis(tmp_path, T, held, velocity(T)))

@@ -26,7 +26,13 @@ def test_friction_that_grows_from_rest_on_explains_it() -> None:
     low, high = (10.0 - 4.0 * np.mean(np.exp(-(part**2))) for part in (x, y))
     assert f"{low:.3g} N" in text
     assert f"{high:.3g} N" in text
-    assert "shows no Stribeck effect" in text
+    assert "shows no Stribeck effect, or presliding after reversals hides it" in text
+
+
+def test_only_a_model_with_presliding_knows_that_presliding_does_not_hide_it() -> None:
+    """On an axis with LuGre friction and Fs above Fc, the friction after a reversal is below Fc as well."""
+    force = stribeck_force(V, 10.0, 6.0, 0.02, 30.0)
+    assert "shows no Stribeck effect; " in explanation(CURVE | {"sigma0": 1e6}, V, force, LINEAR)
 
 
 def test_points_that_contradict_it_or_are_missing_are_reported() -> None:
@@ -53,7 +59,7 @@ def axis(Fs: float) -> Record:
 @nightly
 def test_the_warning_of_an_identification() -> None:
     (warning,) = identify("Stribeck", axis(6.0)).warnings
-    assert warning.startswith("Fs is below Fc: this axis shows no Stribeck effect; ")
+    assert warning.startswith("Fs is below Fc: this axis shows no Stribeck effect, or presliding ")
     assert identify("Stribeck", axis(14.0)).warnings == ()
 
 

@@ -78,6 +78,18 @@ def test_the_limit_of_a_drive_that_saturates() -> None:
     assert "largest one of the record" in found.finding.what
 
 
+@landing
+def test_the_limit_of_a_drive_that_saturates_in_a_noisy_force() -> None:
+    record = logged(lambda k, e, v, total: 80.0 * (25.0 * e - v), 2, limit=7.5)
+    assert record.force is not None
+    assert np.mean(np.abs(record.force) == 7.5) > 0.1
+    found = estimate_servo(replace(record, force=record.force + np.random.default_rng(1).normal(0.0, 0.04, N)))
+    assert found is not None
+    assert found.servo.force_limit == pytest.approx(7.5, rel=0.01)
+    assert found.servo.gains == pytest.approx({"kp": 25.0, "kv": 80.0, "ki": 0.0}, rel=0.03)
+    assert "largest one of the record" in found.finding.what
+
+
 def test_a_limit_that_the_record_does_not_show_is_said_to_be_assumed() -> None:
     found = estimate_servo(logged(lambda k, e, v, total: 80.0 * (25.0 * e - v), 2))
     assert found is not None

@@ -151,7 +151,8 @@ def stated_period(keys: Mapping[str, str]) -> float:
         match = _VALUE.match(value)
         if not match or not _PERIOD.search(name):
             continue
-        unit = unit_of((match[2].strip(" []()") or inside).strip() or "?")
+        text = (match[2].strip(" []()") or inside).strip() or "?"
+        unit = unit_of(text) or unit_of(text.lower())  # such as nSec
         number = float(match[1].replace(",", "."))
         if unit is None or not 0.0 < number < 1e12:
             continue
@@ -251,6 +252,8 @@ def _preamble(rows: Sequence[Sequence[str]]) -> dict[str, str]:
         filled = [cell for cell in row if cell]
         if len(filled) == 1 and (split := re.fullmatch(r"([^:=]{1,60}?)\s*[:=]\s*(.+)", filled[0])):
             filled = [split[1], split[2]]
+        if said := re.fullmatch(r"(\D{1,60}) is (\S+ \S+)", " ".join(filled)):  # a sentence of LinuxCNC
+            filled = [said[1], said[2]]
         if len(filled) >= 2 and len(filled[0]) <= 80:
             found.setdefault(filled[0].rstrip(" :="), "; ".join(filled[1:])[:200])
     return found

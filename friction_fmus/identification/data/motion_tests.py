@@ -130,8 +130,8 @@ class SampledColumns:
                 v, a = (self.smooth([position], width, order)[:, 0] for order in (1, 2))
             top = float(np.quantile(np.abs(v), 0.99))
             moving = np.abs(v) > 0.02 * top
-            if np.count_nonzero(moving) < LEAST or not np.ptp(a[moving]) or not np.ptp(v[moving]):
-                continue
+            if not top or np.count_nonzero(moving) < LEAST or not np.ptp(a[moving]) or not np.ptp(v[moving]):
+                continue  # at rest in 99 % of the log, or without a change of the speed
             direction = smoothed(v / (np.abs(v) + 0.005 * top), width)
             smooth = np.column_stack([np.ones_like(v), a / a.std(), v / v.std()])[moving]
             every = np.column_stack([smooth, direction[moving]])

@@ -22,6 +22,7 @@ SMOOTH = ("q", "v", "reference")  # columns that are smooth because of inertia; 
 
 RATE: Final = 1.5  # ratio of the usual intervals before and after a sample at which the sample rate changes
 NEAR: Final = 10  # number of intervals on either side that give the usual one
+ALIKE: Final = 0.8  # least share of them that are about the usual one where the rate changes
 RESTARTS: Final = 50  # largest number of logs that are taken to be joined in a file
 WRONG: Final = 0.05  # largest fraction of times that are replaced by those of a regular clock
 
@@ -160,9 +161,10 @@ def equally_spaced(
         )
         findings.append(RecordFinding("gaps", what, "Log without pauses: each segment needs its own initial state."))
     if changes.size:
+        before, after = steps[: changes[0]], steps[changes[0] + 1 : (*changes[1:], None)[0]]
         what = (
-            f"The interval changes {_times(changes.size)}, first from {_usual(steps[: changes[0]]):.4g} s to "
-            f"{_usual(steps[changes[0] + 1 :]):.4g} s at t = {t[changes[0]]:.6g} s; the record is split there."
+            f"The interval changes {_times(changes.size)}, first from {_usual(before):.4g} s to {_usual(after):.4g} s "
+            f"at t = {t[changes[0]]:.6g} s; the record is split there."
         )
         findings.append(RecordFinding("rate-change", what, "Log at one rate."))
     starts = np.concatenate([[0], np.sort(np.concatenate([cuts, changes])) + 1, [len(t)]])
@@ -232,6 +234,10 @@ def _cuts(steps: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     changes = np.flatnonzero(np.abs(np.diff(local)) > np.log(RATE))
     earlier, later = np.maximum(changes - NEAR, 0), np.minimum(changes + 1 + NEAR, len(local) - 1)
     steady = np.abs(local[earlier] - local[changes]) + np.abs(local[later] - local[changes + 1]) < np.log(RATE)
+    # single missing rows change the median, but not most intervals on a side
+    alike = np.concatenate([[0], np.cumsum(np.abs(np.log(steps) - local) < np.log(RATE))])
+    steady &= alike[changes + 1] - alike[earlier] >= ALIKE * (changes + 1 - earlier)
+    steady &= alike[later] - alike[changes + 1] >= ALIKE * (later - changes - 1)
     found = changes[steady]
     return gaps, found[~np.isin(found, gaps)]
 

@@ -1,6 +1,8 @@
 """Coulomb and viscous friction within a second, by least squares over sliding, before any model is simulated."""
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -15,6 +17,8 @@ KEPT: Final = 0.5  # share of the samples in motion that the widest smoothing le
 SLIDING: Final = 0.02  # fraction of the top speed above which the axis slides
 LIGHT: Final = 3.0  # width of the smoothing of the speed that shows where the axis may stick [samples]
 FEWEST: Final = 50  # fewest samples in sliding
+APART: Final = 1e-3  # share of the derivative of the force that is no acceleration, speed or direction if it counts
+LATE: Final = 0.5  # ratio of the rest with a delay to that without it below which the delay is the cause
 
 
 def first_look(records: Sequence[Record]) -> dict[str, Estimate]:
@@ -39,7 +43,28 @@ def first_look(records: Sequence[Record]) -> dict[str, Estimate]:
     own = {"M": units.inertia, "Fc": units.force, "Fv": units.viscous, "OF": units.force}
     if not np.ptp(rows[:, 1]):
         own = {"M": units.inertia, f"Fc {'+' if rows[0, 1] > 0.0 else '-'} OF": units.force, "Fv": units.viscous}
-    return solved(rows[:, : len(own)], rows[:, 4], own)
+    return _without_delay(rows[:, : len(own)], rows[:, 4], rows[:, 5], own, records[0].Ts)
+
+
+def _without_delay(A: Array, F: Array, rate: Array, own: Mapping[str, str], Ts: float) -> dict[str, Estimate]:
+    """Return the solution with the delay between force and motion as a further unknown, if it explains the rest."""
+    # A command that is held or filtered, or a force that is logged late, is F - T dF/dt, which makes M and Fv wrong.
+    # T dF/dt is the first term of what filters do; half of what it changes allows for the others. If the rest has other
+    # causes, or in a sine of one frequency, half a sample, by which a command is held, is the allowance.
+    found = plain = solved(A, F, own)
+    if not plain:
+        return {}
+    change = np.linalg.lstsq(A, rate, rcond=None)[0] * Ts
+    timed = np.column_stack([A, rate])
+    rest = [np.linalg.norm(F - each @ np.linalg.lstsq(each, F, rcond=None)[0]) for each in (A, timed)]
+    apart = np.linalg.norm(rate - A @ change / Ts) > APART * np.linalg.norm(rate)
+    if apart and rest[1] < LATE * rest[0]:
+        found = solved(timed, F, {**own, "delay": "s"})
+        change = np.array([found[name].value - each.value for name, each in plain.items()])
+    return {
+        name: replace(found[name], standard_error=math.hypot(found[name].standard_error, 0.5 * each))
+        for name, each in zip(own, change, strict=True)
+    }
 
 
 def _of_friction(records: Sequence[Record]) -> dict[str, Estimate]:
@@ -71,7 +96,7 @@ def solved(A: Array, F: Array, own: Mapping[str, str]) -> dict[str, Estimate]:
 
 
 def _rows(record: Record, width: float) -> Array | None:
-    """Return filtered a, sgn(v), v, 1 and force in sliding, shape (n, 5); None if the record is too short."""
+    """Return filtered a, sgn(v), v, 1, force and its derivative in sliding, shape (n, 6); None if it is too short."""
     edge = round(4.0 * width)
     if len(record) < 2 * edge + FEWEST or record.force is None or record.friction is not None:
         return None
@@ -84,6 +109,7 @@ def _rows(record: Record, width: float) -> Array | None:
     light = smoothed(signal, min(width, LIGHT), order)
     slow = np.abs(light) <= SLIDING * float(np.quantile(np.abs(light), 0.99))
     sliding = (np.abs(smooth(np.sign(light))) > 0.999) & (smooth(slow.astype(np.float64)) < 0.001)
-    rows = np.column_stack([a, np.sign(v), v, np.ones_like(v), smooth(record.force_at_samples())])
+    force = record.force_at_samples()
+    rows = np.column_stack([a, np.sign(v), v, np.ones_like(v), smooth(force), smooth(force, 1)])
     inside = np.arange(len(v))
     return rows[sliding & (inside >= edge) & (inside < len(v) - edge)]

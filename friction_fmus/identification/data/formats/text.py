@@ -90,6 +90,12 @@ def find_layout(path: Path, lines: Sequence[str], comments: tuple[str, ...], nam
         cells = [["", *row] if len(row) == width - 1 else row for row in cells]
     loose, repeated = not any(row[-1] for row in whole), frozenset(line.strip() for line in lines[:first])
     heading = named(cells, width, loose)
+    if not heading.named and width % 2 == 0:  # the scope of LinuxCNC writes the name of each value before it
+        before = [
+            each[0] if len(set(each)) == 1 and not cell.is_value(each[0]) else "" for each in zip(*whole, strict=True)
+        ][::2]
+        if all(before):
+            heading = named([*cells, [name for each in before for name in ("", each)]], width, loose)
     if not heading.named and heading.mismatch and separator == "," and width == 2 * int(heading.mismatch.split()[0]):
         raise RecordError(
             f"The heading of {path} has {heading.mismatch}, but the numbers below have {width} columns; if the commas "
