@@ -91,14 +91,14 @@ def test_errors_that_were_tolerated(seed: int, run: str, tmp_path: Path) -> None
     ("seed", "run"),
     some(
         [
-            *((seed, "newton") for seed in (801, 933, 1197, 1371, 1783, 1841, 1995)),
+            *((seed, "newton") for seed in (801, 933, 1197, 1371, 1783, 1841, 1910, 1995)),
             *((seed, "composite") for seed in (1555, 1565)),
         ],
         [(1841, "newton"), (1995, "newton")],
     ),
 )
 def test_errors_that_each_check_tolerated(seed: int, run: str, tmp_path: Path) -> None:
-    """Of pieces of divided steps, all to one side (801, 933, 1565, 1783); of whole steps (1197, 1555, 1995);
+    """Of pieces of divided steps, all to one side (801, 933, 1565, 1783, 1910); of whole steps (1197, 1555, 1995);
     of a mass that swings within the step although its velocity at the ends varies slowly (1371, 1841)."""
     case, made = draw(seed), Composites(tmp_path)
     answers = References(case)
@@ -125,10 +125,9 @@ def test_a_slip_that_begins_late_in_an_inner_step(ratio: float, tmp_path: Path) 
 
 
 @nightly
-@pytest.mark.parametrize("seed", some([2, 8, 10, 16, 22, 24, 31, 33, 86, 1910], [2]))
+@pytest.mark.parametrize("seed", some([2, 8, 10, 16, 22, 24, 31, 33, 86], [2]))
 def test_no_run_is_wrong_without_a_warning(seed: int, tmp_path: Path) -> None:
-    """Systems in which rest once ended at sliding friction, two with states, and one whose remaining errors of 3 % are
-    an error of 5 % under adaptive, but not under newton (1910)."""
+    """Systems in which rest once ended at sliding friction, and two with states."""
     case, made = draw(seed), Composites(tmp_path)
     answers = References(case)
     assert answers.found, "the system is not fit to judge by"
