@@ -34,10 +34,10 @@ static Span next_span(const Newton *newton, int64_t number, const Progress *p, d
                   false};
 }
 
-/* Return the shortest inner step that a check may require here, after one of the length `before`. At a jump, a force may
-   be over at once, such as that of stiff bristles on a mass in motion. The motion that follows may be as short as the
-   first piece of the check; later pieces grow with the time since the jump. A piece that is much longer than the one
-   before it in the step extrapolates from that one. */
+/* Return the shortest inner step that a check may require here, after one of the length `before`. At a jump, a force
+   may be over at once, such as that of stiff bristles on a mass in motion. The motion that follows may be as short as
+   the first piece of the check; later pieces grow with the time since the jump. A piece that is much longer than the
+   one before it in the step extrapolates from that one. */
 static double shortest(const Newton *newton, const Progress *p, double before)
 {
     const double usual = p->h / newton->finest;
