@@ -217,7 +217,7 @@ typedef struct {
     Span last;              /* piece */
 } Comparison;
 
-/* Solve the span again, in by. */
+/* Solve the span again, in pieces. */
 static int solve_pieces(Engine *e, Newton *newton, int64_t number, Comparison *by)
 {
     const Span *const s = by->span;
