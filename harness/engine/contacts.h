@@ -18,16 +18,17 @@
 #define GAUSS     0.28867513459481287 /* distance of the points from the middle: root of 1/12 */
 enum { MOST_CORRECTIONS = 12 };
 
+/* Let a contact be at rest. Its force varies over the span if it was before; in a span in which it stops, it does not.
+ */
 static void hold(const Engine *e, Newton *newton, const Group *g, const Contact *c)
 {
     Moving *const m = velocity_of(newton, c);
     m->leader = -1;
     m->still = 0;
     m->low = m->high = 0.0;
-    const bool held =
-        is_shared(e, newton, g, c)
-            ? m->rests != FREE
-            : m->rests == AT_REST || (m->u0 == 0.0 && !m->rests && c->load_count > 0 && held_at_start(e, newton, c));
+    const bool begins = m->u0 == 0.0 && !m->rests && c->load_count > 0;
+    const bool alone = m->rests == AT_REST || (begins && held_at_start(e, newton, c));
+    const bool held = is_shared(e, newton, g, c) ? m->rests != FREE : alone;
     assume(newton, g, c, AT_REST, held ? HOLDING : m->rests == IN_JUMP ? FREE : CHANGING);
 }
 

@@ -95,18 +95,18 @@ static int share_again(Engine *e, Newton *newton, int64_t number, double t, doub
 {
     const Group *const g = &newton->groups[number];
     const Contact *const first = contacts_of(newton, g), *const last = first + g->contacts;
-    if (g->contacts < 2)
-        return SOLVED;
     const int64_t jumped = newton->jumped;
     bool shared = false, holds = true;
     for (const Contact *c = first; c < last; c++)
         shared = shared || (velocity_of(newton, c)->rests && is_shared(e, newton, g, c));
-    int status = shared ? hold_again(e, newton, number, t, at) : SOLVED;
+    if (!shared)
+        return SOLVED;
+    int status = hold_again(e, newton, number, t, at);
     for (const Contact *c = first; c < last; c++)
         holds = holds && (!velocity_of(newton, c)->rests || is_rest(velocity_of(newton, c)));
-    if (shared && status == SOLVED)
+    if (status == SOLVED)
         status = refresh(e, newton, g, t, at);
-    if (shared && holds && status == SOLVED) {
+    if (holds && status == SOLVED) {
         begin_lines(e, newton, g, INNER_LINES);
         memcpy(newton->w_last + g->unknown, newton->w + g->unknown, (size_t)g->unknowns * sizeof(double));
     }

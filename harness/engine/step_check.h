@@ -157,9 +157,9 @@ static bool wants_check(const Engine *e, const Newton *newton, int64_t number, i
     const Group *const g = &newton->groups[number];
     const double after = tick >= guard->next ? 0.0 : fmin(JUMP_LIMIT, FARTHER * guard->harmless);
     guard->miss = misprediction(newton, g, s);
-    return guard->checks_due > 0 || guard->limited_ticks > 0 || (s->from == 0.0 && is_scheduled(guard, tick)) ||
-           feeds_back(newton, g, number) || turns_within(newton, g, s) || strays(e, newton, g, s) || leaps(newton, g) ||
-           guard->miss > fmax(PREDICTION_LIMIT, after);
+    const bool due = guard->checks_due > 0 || guard->limited_ticks > 0 || (s->from == 0.0 && is_scheduled(guard, tick));
+    const bool unexpected = guard->miss > fmax(PREDICTION_LIMIT, after) || leaps(newton, g) || strays(e, newton, g, s);
+    return due || unexpected || feeds_back(newton, g, number) || turns_within(newton, g, s);
 }
 
 /* Save (or restore, if `back`) everything that a check must not change. */
@@ -217,7 +217,7 @@ typedef struct {
     Span last;              /* piece */
 } Comparison;
 
-/* Solve the span again, in by. */
+/* Solve the span again, in pieces. */
 static int solve_pieces(Engine *e, Newton *newton, int64_t number, Comparison *by)
 {
     const Span *const s = by->span;

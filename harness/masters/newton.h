@@ -67,8 +67,8 @@ static int estimate_error(Engine *e, Newton *newton, int64_t number, Progress *p
     if (smallest)
         *off = 0.0; /* only a check can find an error of the smallest spans */
     const bool soon = p->since >= 0.0 && !newton->guards[number].resolves;
-    *checked = *off <= 1.0 && (wants_check(e, newton, number, p->tick, s) || stops || anew || soon) &&
-               !newton->guards[number].abandoned;
+    const bool other = stops || anew || soon, possible = *off <= 1.0 && !newton->guards[number].abandoned;
+    *checked = possible && (wants_check(e, newton, number, p->tick, s) || other);
     return *checked ? check(e, newton, number, s, p->tick, anew, smallest, off, end) : SOLVED;
 }
 

@@ -99,7 +99,7 @@ class Loops(Algorithm):
         self, engine: Engine, tolerance: float, error: float = 0.0, step_tolerance: float = STEP_TOLERANCE
     ) -> None:
         plan = engine.plan
-        wires = plan.moving_wires
+        ports, names, wires = plan.ports, plan.names, plan.moving_wires
         groups = groups_of(plan, wires)
         self.order = [part for group in groups for part in group]
         place = {part: index for index, part in enumerate(self.order)}
@@ -138,26 +138,25 @@ class Loops(Algorithm):
                 line, force, loads = contacts.get(part, (0, -1, []))
                 if force in numbers:
                     own = plan.outputs[inner[line].source]
-                    single = 0 < sum(plan.names[signal] in compared for signal in range(*own)) <= OF_A_MASS
+                    single = 0 < sum(names[signal] in compared for signal in range(*own)) <= OF_A_MASS
                     reads = part, wires.index(inner[line]), numbers[force], len(self.loads), len(loads)
                     position = position_of(plan, inner[line])
-                    position = position if plan.names[position] in compared else -1  # it may be recorded only
+                    position = position if names[position] in compared else -1  # it may be recorded only
                     nth = len(self.contacts) - known
                     bit = 1 << nth if nth < MOST_CARRIED else 0
                     self.contacts.append((*reads, *(own if single else (0, 0)), position, bit))
                     self.loads += loads
                     self.force_lines |= {i for i in lines if wires[i].target == part and i != reads[1]}
                     self.force_lines |= {i for i in lines if wires[i] in unsolved and wires[i].output == force}
-                    units[unit_of(plan.ports[plan.names[force]])] = 0
+                    units[unit_of(ports[names[force]])] = 0
             units.pop(None, None)
-            of_force = {i for i in lines if units.get(unit_of(plan.ports[plan.names[wires[i].output]])) == 0}
-            self.force_lines |= of_force
+            self.force_lines |= {i for i in lines if units.get(unit_of(ports[names[wires[i].output]])) == 0}
             states = [
-                (signal, units.setdefault(unit_of(plan.ports[plan.names[signal]]), 1 + len(units)))
+                (signal, units.setdefault(unit_of(ports[names[signal]]), 1 + len(units)))
                 for part in group
                 if mine
                 for signal in range(*plan.outputs[part])
-                if signal not in driving and plan.names[signal] in compared
+                if signal not in driving and names[signal] in compared
             ]
             counts = len(self.held), len(held), known, len(self.contacts) - known, len(self.states), len(states)
             self.rows.append(Group(*row, *counts))

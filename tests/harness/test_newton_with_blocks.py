@@ -160,6 +160,32 @@ def test_the_distance_to_a_stop_is_that_of_the_stribeck_curve(build_fmu: BuildFm
             assert float(result["mass.x"][-1]) == pytest.approx(expected, rel=2.5e-3)
 
 
+@pytest.mark.parametrize("master", ["newton", "adaptive"])
+@pytest.mark.parametrize("pull", [0.0, 0.5])
+def test_contacts_side_by_side_stop_where_their_friction_curves_say(
+    build_fmu: BuildFmu, pull: float, master: str
+) -> None:
+    """As above, where F(v) is the friction of both contacts less a constant pull."""
+    vs, v0, Fc, Fs, Fv, other = 1.35e-3, 0.01, 0.6, 3.0, 280.0, 0.5
+
+    def rate(v: float) -> float:
+        return v / (Fc + (Fs - Fc) * math.exp(-((v / vs) ** 2)) + Fv * v + other - pull)
+
+    expected, _ = quad(rate, 0.0, v0, points=[vs, 3.0 * vs])
+    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("sum", build_fmu("Sum"))]
+    wires: list[str | Wire] = ["sum.y -> mass.F_friction"]
+    start = {"mass.m": 1.0, "mass.k": 0.0, "mass.v0": v0, "mass.F_drive": pull}
+    start |= {"c1.Fc": Fc, "c1.Fs": Fs, "c1.vs": vs, "c1.Fv": Fv, "c2.Fc": other}
+    for number, model, most in (1, "Stribeck", Fs), (2, "Coulomb", other):
+        parts.append(FmuPart(f"c{number}", build_fmu(model)))
+        wires += [f"mass.v -> c{number}.v", f"c{number}.F -> sum.u{number}"]
+        wires.append(Wire("mass.F_ext", f"c{number}.F_ext", gain=most / (Fs + other)))
+    with System(parts, wires, start) as system:
+        for step in (5e-3, 5e-2):
+            result = system.run(stop=0.2, step=step, master=master)
+            assert float(result["mass.x"][-1]) == pytest.approx(expected, rel=2.5e-3)
+
+
 def test_masses_may_start_anywhere(build_fmu: BuildFmu) -> None:
     """Two of 1 kg at 4 m and 5 m slow down as one at 0, without a warning."""
     for places in ([0.0], [4.0, 5.0]):
