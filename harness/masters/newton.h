@@ -35,13 +35,11 @@ static Span next_span(const Newton *newton, int64_t number, const Progress *p, d
 }
 
 /* Return the shortest inner step that a check may require here, after one of the length `before`. At a jump, a force
-   may be over at once, such as that of stiff bristles on a mass in motion. The motion that follows may be as short as
-   the first piece of the check; later pieces grow with the time since the jump. A piece that is much longer than the
-   one before it in the step extrapolates from that one. */
+   may be over at once, such as that of stiff bristles on a mass in motion; motions that still follow it are slower. A
+   piece that is much longer than the one before it in the step extrapolates from that one. */
 static double shortest(const Newton *newton, const Progress *p, double before)
 {
-    const double usual = p->h / newton->finest;
-    const double first = p->done == p->since ? ldexp(p->h, -MOST_HALVINGS) : p->h * pow(RUNG, 1 - RUNGS);
+    const double usual = p->h / newton->finest, first = ldexp(p->h, -MOST_HALVINGS);
     const double part = newton->error > 0.0 && p->slightly ? RUNG : SLOWER;
     const double least = p->since < 0.0 ? usual : fmin(usual, fmax(first, (p->done - p->since) / part));
     return p->done > 0.0 ? fmin(least, RUNG * before) : least;
