@@ -223,7 +223,7 @@ static double error_of(const Newton *newton, const Group *g, const Span *s)
         if (m->inner && m->role == FREE) {
             const double mean = (1.0 - GA_RATE) * earlier(m, s) + GA_RATE * m->q1;
             const double error = mean - 0.5 * (m->u0 + m->u1);
-            worst = fmax(worst, error != 0.0 ? fabs(error) / fmax(m->scale, fabs(m->u1)) : 0.0);
+            worst = fmax(worst, error != 0.0 ? fabs(error) / fmax(m->size, fabs(m->u1)) : 0.0);
         }
     }
     return worst;
