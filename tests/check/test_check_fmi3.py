@@ -11,7 +11,7 @@ import pytest
 from fmi3.slaves import three
 from lxml import etree
 from shell.selection import SHELL_BLOCKS
-from thorough import some
+from thorough import landing, some
 
 from friction_fmus.check import RULES, check
 from harness.compiling.toolchain import FLAGS, compiler, header_folder
@@ -23,6 +23,7 @@ def rules(path: Path, *, static: bool = False) -> set[str]:
     return {finding.rule for finding in check(path, static=static)}
 
 
+@landing
 @pytest.mark.parametrize(
     ("name", "full"),
     some(
@@ -257,6 +258,7 @@ BINARIES = {
 }
 
 
+@landing
 @pytest.mark.parametrize("fault", some([*BINARIES], [*BINARIES][::12]))
 def test_faults_of_the_binary_are_found(fault: str, tmp_path: Path) -> None:
     name, file, old, new, rule = BINARIES[fault]

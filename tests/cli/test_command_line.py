@@ -19,7 +19,7 @@ import pandas as pd
 import pytest
 from rich.console import Console
 from shell.selection import EACH_BRANCH
-from thorough import nightly, some
+from thorough import landing, nightly, some
 
 from friction_fmus import build, fmu
 from friction_fmus.blocks.catalogue import catalogue
@@ -285,6 +285,7 @@ def test_a_shell_completes_commands_and_blocks(tmp_path: Path) -> None:
         assert [word.strip() for word in (tmp_path / "out").read_text().split("\013")] == [expected]
 
 
+@landing
 def test_start_values_have_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """0.002 kN are 2 N, 0.01 N.s/mm are 10 N.s/m; a length is no force."""
     assert main(["build", "LuGre", "-o", str(tmp_path), "--set", "Fc=0.002 kN", "--set", "Fs=2.5N"]) == 0

@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from pyarrow import parquet
+from thorough import landing
 
 from friction_fmus.cli.main import main
 from friction_fmus.errors import visible
@@ -39,6 +40,7 @@ def test_check_shows_the_names_of_members_with_escapes(tmp_path: Path, capsys: p
     assert "\x1b" not in (tmp_path / "report.txt").read_text()
 
 
+@landing
 def test_errors_and_log_messages_show_escapes(tmp_path: Path) -> None:
     """In a new process, as pytest replaces the handlers of messages."""
     program = (

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from thorough import landing
 
 from friction_fmus.__main__ import main
 from friction_fmus.blocks.catalogue import laws_folder
@@ -146,6 +147,7 @@ def test_fast_math_is_refused(tmp_path: Path) -> None:
     assert "without -ffast-math" in run.stderr
 
 
+@landing
 def test_a_prefix_keeps_two_laws_apart(tmp_path: Path) -> None:
     """Both in one program, each with its own start."""
     for prefix, gain in (("inner", 1.0), ("outer", 10.0)):

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 import pytest
 from codegen.test_numbers import same_numbers
-from thorough import nightly, some
+from thorough import landing, nightly, some
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
@@ -223,6 +223,7 @@ NODES = 9
 TABLE = PositionMap(Grid(-0.01, 0.004, NODES), tuple(np.sin(np.arange(9.0))), tuple(0.1 * np.cos(np.arange(9.0))), 1e-3)
 
 
+@landing
 @pytest.mark.parametrize("real", some(["double", "float"], ["float"]))
 @pytest.mark.parametrize("periodic", some([False, True], [True]))
 @pytest.mark.parametrize("place", some([0.0, 10.0], [10.0]))

@@ -165,6 +165,7 @@ def exported_loop(loop: LoopFile, folder: Path) -> Export:
     return make_export(path)
 
 
+@landing
 @pytest.mark.parametrize("name", some([*LOOPS], ["servo"]))
 def test_a_loop_has_the_bits_of_c(name: str, tmp_path: Path) -> None:
     faults, violations = compare(exported_loop(LOOPS[name], tmp_path), SAMPLES if THOROUGH else 300, tmp_path)

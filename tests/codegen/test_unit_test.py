@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from thorough import nightly, some
+from thorough import landing, nightly, some
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
@@ -67,6 +67,7 @@ def check_passes(name: str, folder: Path, *flags: str) -> None:
         assert status(folder, "-O2", *flags) == 0, real
 
 
+@landing
 @pytest.mark.parametrize("name", some([*VARIED, LOOP], [LOOP]))
 def test_the_law_passes(name: str, tmp_path: Path) -> None:
     check_passes(name, tmp_path)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from thorough import some
+from thorough import landing, some
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
 
@@ -51,6 +51,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@landing
 @pytest.mark.parametrize("ended_by", some([signal.SIGTERM, signal.SIGINT], [signal.SIGTERM]))
 def test_no_worker_outlives_the_command(log: Path, tmp_path: Path, ended_by: signal.Signals) -> None:
     models = [option for name in ("Coulomb", "LuGre", "GMS", "Leuven") for option in ("--model", name)]

@@ -135,6 +135,7 @@ def test_nothing_is_named_on_a_clean_axis(case, seed):
     assert plant_findings([simulate(axis, path, seed)], axis.limit) == ((), None)
 
 
+@landing
 def test_records_of_the_package(tmp_path: Path):
     (finding,), _ = plant_findings([load_emps()], 351.5)
     assert finding.name == "direction-dependent-friction"  # the constant force of -3.16 N of Janot et al. 2019

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from shell.instance import ERROR, OK, WARNING, Instance, load
+from thorough import landing
 
 Ts = 1e-3
 
@@ -129,6 +130,7 @@ def test_a_period_goes_on_over_bad_inputs(samples, N, M, gaps):
     assert np.abs(found[:, 0] - expected).max() < 1e-9 * np.abs(F).max()
 
 
+@landing
 def test_leuven_curves_that_cannot_reach_sliding_are_refused(build_fmu):
     for values, accepted in (({"A": 2.99}, False), ({"A": 3.0}, True), ({"A": 3.0, "Fc": 1.51}, False)):
         with Instance(load(build_fmu("LeuvenFeedforward"))) as run:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from shell.instance import Instance, load
+from thorough import landing
 
 Ts = 1e-3
 Fc, Fs, vs, sigma1, sigma2, n = 1.0, 1.5, 1e-3, 316.0, 0.4, 2.0
@@ -111,6 +112,7 @@ def modified_leuven(r: np.ndarray, rd: np.ndarray) -> list[float]:
     return forces
 
 
+@landing
 @pytest.mark.parametrize(
     ("name", "expected"), [("LeuvenFeedforward", leuven), ("ModifiedLeuvenFeedforward", modified_leuven)]
 )

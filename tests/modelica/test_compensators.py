@@ -379,6 +379,7 @@ int main(void)
 """
 
 
+@landing
 def test_memory_is_freed(whole_library: Library, blocks: dict[str, str], tmp_path: Path) -> None:
     """Three objects of each law, two of them stepped, under the sanitizer of addresses and leaks."""
     if not shutil.which("gcc"):

@@ -50,10 +50,9 @@ def test_friction_that_falls_with_the_velocity(tmp_path: Path) -> None:
     ("seed", "run"),
     some(
         [
-            *((73, "newton"), (73, "composite"), (723, "newton"), (1910, "adaptive")),
-            *((175, "jacobi"), (681, "jacobi")),
+            *((2827, "newton"), (175, "jacobi"), (681, "jacobi")),
         ],
-        [(73, "newton"), (681, "jacobi")],
+        [(681, "jacobi")],
     ),
 )
 def test_errors_that_add_up_are_told(seed: int, run: str, tmp_path: Path) -> None:
@@ -125,9 +124,9 @@ def test_a_slip_that_begins_late_in_an_inner_step(ratio: float, tmp_path: Path) 
 
 
 @nightly
-@pytest.mark.parametrize("seed", some([2, 8, 10, 16, 22, 24, 31, 33, 86], [2]))
+@pytest.mark.parametrize("seed", some([2, 8, 10, 16, 22, 24, 31, 33, 73, 86, 723], [2]))
 def test_no_run_is_wrong_without_a_warning(seed: int, tmp_path: Path) -> None:
-    """Systems in which rest once ended at sliding friction, and two with states."""
+    """Systems in which rest once ended at sliding friction, and four with states."""
     case, made = draw(seed), Composites(tmp_path)
     answers = References(case)
     assert answers.found, "the system is not fit to judge by"

@@ -13,7 +13,7 @@ from pathlib import Path
 import fmpy
 import lief
 import pytest
-from thorough import nightly, some
+from thorough import landing, nightly, some
 
 from friction_fmus import build, fmu
 from friction_fmus.study.steps import CACHE, StepCache
@@ -70,6 +70,7 @@ def test_a_damaged_fmu_is_built_again(used: Path, tmp_path: Path, damage: str) -
     assert kept.read_bytes() == good
 
 
+@landing
 @pytest.mark.parametrize("damage", some([*DAMAGES], ["one bit"]))
 def test_a_damaged_library_is_compiled_again(used: Path, tmp_path: Path, damage: str) -> None:
     good = (used / "out" / "Coulomb.fmu").read_bytes()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from thorough import nightly
+from thorough import landing, nightly
 
 from friction_fmus.__main__ import main
 from friction_fmus.axis.servo import Servo
@@ -61,6 +61,7 @@ def test_a_data_file_is_enough_and_the_settings_repeat_the_study(
     assert written_fmus == {"Coulomb.fmu", "LuGre.fmu", "Stribeck.fmu"}
 
 
+@landing
 def test_settings_that_were_edited_are_kept(tmp_path: Path) -> None:
     data = log(tmp_path)
     (tmp_path / "out").mkdir()
