@@ -81,7 +81,7 @@ static void measure_lead(Pair *p, double F, double v)
     const double dF = fabs(F - p->F), dv = v - p->v1;
     if (p->jumped)
         p->ahead += (double)p->late * (dv - p->dv);
-    else if (fabs(dv) < fabs(p->dv))
+    else if (p->ahead != 0.0 && fabs(dv) < fabs(p->dv))
         p->ahead *= fabs(dv / p->dv);
     p->strongest = fmax(p->strongest, fabs(F));
     p->jumped = dF > p->dF && dF > (p->late > 1 ? JUMP : SUDDEN) * p->strongest;
@@ -89,7 +89,7 @@ static void measure_lead(Pair *p, double F, double v)
     p->way += v;
     p->lowest = fmin(p->lowest, p->way);
     p->highest = fmax(p->highest, p->way);
-    if (!p->jumped)
+    if (p->lead != 0.0 && !p->jumped)
         p->led = fmax(p->led, fabs(p->lead) - STEPS * fabs(v));
     p->F = F, p->dF = dF, p->v1 = v, p->dv = dv;
 }
