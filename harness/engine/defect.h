@@ -83,14 +83,19 @@ static void measure_lead(Pair *p, double F, double v)
         p->ahead += (double)p->late * (dv - p->dv);
     else if (p->ahead != 0.0 && fabs(dv) < fabs(p->dv))
         p->ahead *= fabs(dv / p->dv);
-    p->strongest = fmax(p->strongest, fabs(F));
-    p->jumped = dF > p->dF && dF > (p->late > 1 ? JUMP : SUDDEN) * p->strongest;
-    p->lead += p->ahead;
+    if (fabs(F) > p->strongest)
+        p->strongest = fabs(F);
+    p->jumped = dF > (p->late > 1 ? JUMP : SUDDEN) * p->strongest && dF > p->dF;
     p->way += v;
-    p->lowest = fmin(p->lowest, p->way);
-    p->highest = fmax(p->highest, p->way);
-    if (p->lead != 0.0 && !p->jumped)
-        p->led = fmax(p->led, fabs(p->lead) - STEPS * fabs(v));
+    if (p->way < p->lowest)
+        p->lowest = p->way;
+    else if (p->way > p->highest)
+        p->highest = p->way;
+    if (p->ahead != 0.0 || p->lead != 0.0) {
+        p->lead += p->ahead;
+        if (!p->jumped)
+            p->led = fmax(p->led, fabs(p->lead) - STEPS * fabs(v));
+    }
     p->F = F, p->dF = dF, p->v1 = v, p->dv = dv;
 }
 
