@@ -162,6 +162,7 @@ def test_start_values_of_numpy_are_written_as_numbers(tmp_path: Path) -> None:
     assert [float(start[name]) for name in ("Kp", "db", "Ts")] == [5e3, 0.0, 0.5]
 
 
+@landing
 def test_build_burns_start_values_into_xml_and_source(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["build", "LuGre", "-o", str(tmp_path), "--set", "Fc=2.25", "--set", "asymmetric=true"]
     assert main([*arguments, "--name", "MyContact"]) == 0

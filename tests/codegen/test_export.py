@@ -139,6 +139,7 @@ def test_the_guard_and_the_check(elements: Path, tmp_path: Path) -> None:
     assert "Elements * / in a comment" in header
 
 
+@landing
 def test_fast_math_is_refused(tmp_path: Path) -> None:
     export_law("PID", tmp_path)
     command = [*COMPILERS["zig"], "-ffast-math", "-c", "law.c", "-o", "law.o"]

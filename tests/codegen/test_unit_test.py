@@ -102,6 +102,7 @@ def test_the_law_passes_a_test_in_cpp(name: str, tmp_path: Path) -> None:
         assert status(tmp_path, test=("g++", "-x", "c++", "-std=c++11", *WARNINGS)) == 0
 
 
+@landing
 @pytest.mark.parametrize(("name", "real"), list(product(some(VARIED, VARIED[:1]), REALS)))
 def test_every_parameter_but_those_that_the_test_names_is_tested(name: str, real: str, tmp_path: Path) -> None:
     """A change by 1 %, or from 0 to 0.01, or of a switch, as the header says."""
@@ -234,6 +235,7 @@ def test_a_law_that_is_never_finite_is_refused(tmp_path: Path) -> None:
         vectors(make_export(path))
 
 
+@landing
 def test_the_header_says_what_is_tested() -> None:
     """PID reaches its limits, has no C library call that rounds, and its defaults switch the dead-band off."""
     double, single = (make_export("PID", real=real) for real in REALS)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
-from thorough import some
+from thorough import landing, some
 
 from friction_fmus.codegen.law_export import class_name, make_export, wrapper
 from friction_fmus.codegen.layout import Export
@@ -108,6 +108,7 @@ def equal_members(export: Export) -> str:
     return " && ".join(f"equal(a.{name}, b.{name})" for name in names)
 
 
+@landing
 @pytest.mark.skipif(not shutil.which("g++"), reason="g++ not installed")
 @pytest.mark.parametrize("model", some(["PID", "loop"], ["loop"]))
 @pytest.mark.parametrize(("real", "standard"), list(product(REALS, some(("c++11", "c++20"), ("c++11",)))))

@@ -14,7 +14,7 @@ import lief
 import pytest
 from fmpy import read_model_description
 from shell.selection import built
-from thorough import nightly, some
+from thorough import landing, nightly, some
 
 from friction_fmus import fmu
 from friction_fmus.check import check
@@ -29,6 +29,7 @@ FUNCTIONS = 44
 """Functions of FMI 2.0 for co-simulation."""
 
 
+@landing
 @pytest.mark.parametrize("name", some(["stick_slip", "compensated_axis"], ["stick_slip"]))
 def test_check_finds_nothing(compose: Callable[[str], Path], name: str) -> None:
     assert check(compose(name)) == []

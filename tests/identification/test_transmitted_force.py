@@ -71,6 +71,7 @@ def test_a_record_without_drive_force_is_refused() -> None:
         identify("LoadDependentDahl", replace(record, force=None, friction=record.force))
 
 
+@landing
 def test_the_simulated_axis_transmits_the_force_of_its_drive(tmp_path: Path) -> None:
     r = np.zeros(200)
     reference = build_reference(TS * np.arange(200.0), r, tmp_path, "Rest", rotary=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from thorough import nightly
+from thorough import landing, nightly
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.lawkit.law import Kind, discover_laws
@@ -137,6 +137,7 @@ def test_a_dead_band_ends_hunting_if_it_is_wider_than_a_slip(hunting):
     assert np.ptp(hunting(db=0.4 * plain)) > 1.02 * plain
 
 
+@landing
 def test_an_integral_reset_shortens_the_period_and_does_not_end_hunting(hunting):
     plain, reset = hunting(), hunting(reversal=0.0)
     assert period(reset) < 0.8 * period(plain)

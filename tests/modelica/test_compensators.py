@@ -359,6 +359,7 @@ end LuGreFeedforward;
 """
 
 
+@landing
 def test_the_example_tracks_better(whole_library: Library, tmp_path: Path) -> None:
     shutil.copytree(whole_library.roots[0], tmp_path / "FrictionFMUs")
     (tmp_path / "FrictionFMUs" / "Compensators" / "LuGreFeedforward.mo").write_text(FEEDFORWARD)
