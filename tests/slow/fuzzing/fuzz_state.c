@@ -97,7 +97,7 @@ static void fuzz_forge(Fuzz *in, Model *model)
         for (size_t i = 0; i < length; i++)
             bytes[i] = (char)fuzz_choice(in, 256);
     }
-    const size_t begin = place - place % grain, room = sizeof *model - begin;
+    const size_t begin = place - place % grain, room = STATE_SIZE - begin;
     memcpy((char *)model + begin, bytes, length < room ? length : room);
 }
 
@@ -118,8 +118,8 @@ static void fuzz_good_state(Fuzz *in, Instance *c, Saved *bytes)
         fuzz_advance(c);
     }
     HOLDS(fmi2GetFMUstate(c, &state) == fmi2OK, "a state cannot be had");
-    HOLDS(fmi2SerializeFMUstate(c, state, (fmi2Byte *)bytes, sizeof *bytes) == fmi2OK, "a state cannot be written");
-    HOLDS(fmi2DeSerializeFMUstate(c, (const fmi2Byte *)bytes, sizeof *bytes, &read) == fmi2OK,
+    HOLDS(fmi2SerializeFMUstate(c, state, (fmi2Byte *)bytes, SAVED_SIZE) == fmi2OK, "a state cannot be written");
+    HOLDS(fmi2DeSerializeFMUstate(c, (const fmi2Byte *)bytes, SAVED_SIZE, &read) == fmi2OK,
           "a state of this run is refused");
     fmi2FreeFMUstate(c, &state);
     fmi2FreeFMUstate(c, &read);
@@ -140,7 +140,7 @@ static void fuzz_state(fmi2Type kind, const uint8_t *bytes, size_t count)
             fuzz_forge(&in, &bent.model);
         bent.header.checksum = checksum_of(&bent);
         data = (const char *)&bent;
-        size = sizeof bent;
+        size = SAVED_SIZE;
     }
     memcpy(&before, &c->model, sizeof before);
     const fmi2Status status = fmi2DeSerializeFMUstate(c, data, size, &state);
