@@ -110,11 +110,11 @@ SHA256 = {
         "elements in a spring-driven mass": "e3e63666d07755e1d65efa214ac57f9bd3f4c0534ad8a5f0311ab920d4837e7e",
         "a lag and a memory": "a1a8c15ca7ce21de4af9a3d97771e26cc640579cf8c41cb0b28ec337002e849b",
         "a belt that sticks": "304589aa61140e9ae0a5907a52eb18bf625a611ed42f51c4a3b8d023abe42a11",
-        "two masses on two contacts": "d5bb472e9696b6b2752fe03d5b3fd0b2a31ee2c0d00a5af80a729661a442d8d7",
+        "two masses on two contacts": "735023f735825e82fdb190658b12546209d75329cdcb69da8abd466399a01ec3",
         "a chain of blocks": "6d08a4cd95ecaafb93bc1f1a8464035b102643ce384b2c52457a0ed4212fa451",
         "a controller with an encoder": "10013bd55e43625c857aeafdcbe585c20888331f97746fbb7147746c9837d652",
         "a resetting controller with a feedforward": "0afb4e8be9504d68e3ca3bbc02aac7f667f003d886e65aa13102208748e68ad8",
-        "a cascade with an observer": "765df0b967e5cf331eddc05e049aee6ecd47b619342caf05435e9edae62b398e",
+        "a cascade with an observer": "6c065c16b9080be252b6bef517501b04e9b3d0684335b3468ae9a98ed931d48e",
         "a sliding mode": "2cde5a63b66dd8bb6799906a241af24261cc3fcccc58bccaab44452963cf27d2",
     }
 }
