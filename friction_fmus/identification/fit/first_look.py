@@ -18,7 +18,7 @@ SLIDING: Final = 0.02  # fraction of the top speed above which the axis slides
 LIGHT: Final = 3.0  # width of the smoothing of the speed that shows where the axis may stick [samples]
 FEWEST: Final = 50  # fewest samples in sliding
 APART: Final = 1e-3  # share of the derivative of the force that is no acceleration, speed or direction if it counts
-LATE: Final = 0.5  # ratio of the rest with a delay to that without it below which the delay is the cause
+LATE: Final = 0.5  # a delay is the cause if the residual with it is less than this part of the one without
 
 
 def first_look(records: Sequence[Record]) -> dict[str, Estimate]:
