@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from harness.compiling.engine_library import library, mirror
 from harness.engine.algorithm import Recorder, Ticks
+from harness.engine.compiled import check_engine, pays, place_of
 from harness.errors import ExperimentError, HarnessError, StartValueError, UnknownNameError, nearest
 from harness.masters import find_master
 from harness.parts.callable_part import CallablePart
@@ -38,8 +39,6 @@ _NOT_A_NUMBER: Final = 105  # of batch.h
 
 Piece = mirror("Piece")
 BatchData = mirror("Batch")
-_PLACE = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
-Direct = mirror("Direct")
 
 
 class HeldInputs(CallablePart):
@@ -108,11 +107,14 @@ class _Engine:
                 continue
             if not native.direct:
                 raise HarnessError(_refusal(part))
-            calls, size, fixed = Direct.from_address(native.direct), ctypes.c_int64(), ctypes.c_int64()
-            place = _PLACE(calls.place)(native.component, ctypes.byref(size), ctypes.byref(fixed))
-            skipped = 0 if part.name in varied else fixed.value
-            found.append((place + skipped, size.value - skipped))
+            place, size, fixed = place_of(native)
+            skipped = 0 if part.name in varied else fixed
+            found.append((place + skipped, size - skipped))
         return found
+
+    def compile(self, *, required: bool) -> None:
+        """Let the loop be compiled."""
+        self._ticks.compile(required=required)
 
     def outputs(self) -> Values:
         """Return the outputs at the start of the run."""
@@ -164,6 +166,8 @@ class Batch:
         Number of threads; None chooses it.
     experiment : Experiment
         Settings, of which step, start and master count.
+    engine : {"auto", "general", "compiled"}
+        See `System.run`; "auto" compiles once 1e9 steps of parts have been taken.
 
     Attributes
     ----------
@@ -182,12 +186,15 @@ class Batch:
         start: Mapping[str, ArrayLike],
         threads: int | None,
         experiment: Experiment,
+        engine: str,
     ) -> None:
+        check_engine(engine)
         if not is_count(n):
             raise ExperimentError(f"a batch of {shown(n)} copies: give an integer number, 1 or more")
         if threads is not None and not is_count(threads):
             raise ExperimentError(f"{shown(threads)} threads: give an integer number, 1 or more")
         self.n, self.inputs, self._experiment = int(n), tuple(inputs), experiment
+        self._engine, self._parts, self._taken = engine, len(system.parts), 0  # steps of parts so far
         self.outputs = tuple(recorded_names(system.parts, outputs, "outputs"))
         for part in system.parts.values():
             if not isinstance(part, FmuPart):
@@ -276,6 +283,7 @@ class Batch:
         if not is_count(steps):
             raise ExperimentError(f"{shown(steps)} steps: give an integer number, 1 or more")
         rows = _table(inputs, (self.n, len(self.inputs)), "inputs")
+        self._compile()
         spans = list(zip(self._engines, self._bounds, self._bounds[1:], strict=False))
 
         def run(span: tuple[_Engine, int, int]) -> dict[int, Exception]:
@@ -286,7 +294,14 @@ class Batch:
         self.failures = run(spans[0])
         for found in others:
             self.failures |= found
+        self._taken += self.n * int(steps) * self._parts
         return self.values
+
+    def _compile(self) -> None:
+        """Compile the engines once that pays."""
+        if pays(self._engine, self._taken):
+            for engine in self._engines:
+                engine.compile(required=self._engine == "compiled")
 
     def reset(self, which: ArrayLike | None = None, start: Mapping[str, ArrayLike] | None = None) -> Values:
         """Return copies to their start.

@@ -13,6 +13,7 @@ import numpy as np
 
 from harness.engine.algorithm import Progress, Reader, Recorder, Tap, Ticks, event_reader, tap_reader
 from harness.engine.checkpoint import read_checkpoint, write_checkpoint
+from harness.engine.compiled import check_engine, pays
 from harness.errors import ENDED, ExperimentError, HarnessError, Interrupted, PartError
 from harness.masters import find_master
 from harness.parts.guard import Guard
@@ -50,8 +51,11 @@ class Options:
     checkpoint: str | Path | None = None  # file for the state at the end of the run
     pace: float | None = None  # simulated time per wall-clock time; None runs as fast as possible
     events: bool = False  # whether a second row has the values after events at the time of a row
+    engine: str = "auto"  # "general", "compiled" for the system, or "auto": compiled if the runs are long enough
+    runs: int = 1  # number of such runs
 
     def __post_init__(self) -> None:
+        check_engine(self.engine)
         if self.pace is not None and not 0.0 < self.pace < np.inf:
             raise ExperimentError(
                 f"the pace is {self.pace}: give a positive number of simulated seconds per second (1 is real time)"
@@ -145,6 +149,8 @@ class Session:
         plan, options, ticks = self._plan, self._options, self._ticks
         self._initialisation.start(start)
         ticks.begin(recorder)
+        if pays(options.engine, options.runs * plan.ticks * len(plan.parts)):
+            ticks.compile(required=options.engine == "compiled")
         if self._saved:
             self._saved.restore(plan, ticks.memory)
         readers = [(tap.every, tap_reader(plan, tap)) for tap in options.taps]

@@ -7,9 +7,9 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
+from friction_fmus.blocks import USES
 from friction_fmus.blocks.arithmetic import names_in
 from friction_fmus.blocks.contact import Friction, Identified, friction_of, identified
-from friction_fmus.blocks.kinds import USES
 from friction_fmus.blocks.macros import macro, string, table, words
 from friction_fmus.errors import FrictionError, did_you_mean
 

@@ -9,10 +9,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from friction_fmus.blocks import FAMILIES, KINDS
 from friction_fmus.blocks.axis_units import SLIDING, TURNING, Words
 from friction_fmus.blocks.block_declarations import About, about_c_block, cited, use_of
 from friction_fmus.blocks.customise import with_long_arrays
-from friction_fmus.blocks.kinds import FAMILIES, KINDS
 from friction_fmus.blocks.law_summaries import law_paths, read_headings
 from friction_fmus.blocks.macros import string, words
 from friction_fmus.errors import FrictionError, UnknownNameError, did_you_mean

@@ -5,7 +5,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from friction_fmus.blocks.kinds import FAMILIES
+from friction_fmus.blocks import FAMILIES
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Any
 
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification.data import COLUMNS_EXAMPLE
+from harness.engine import ENGINES
 from harness.masters import master_names
 
 
@@ -122,6 +123,11 @@ def add_fmu_target(parser: argparse.ArgumentParser) -> None:
 def add_master(parser: argparse.ArgumentParser) -> None:
     """Add the option for the master algorithm; the harness validates its name."""
     parser.add_argument("--master", metavar="NAME", help=f"master algorithm: {listed(master_names())}")
+
+
+def add_engine(parser: argparse.ArgumentParser) -> None:
+    """Add the option for the engine; the harness validates its name."""
+    parser.add_argument("--engine", default="auto", metavar="NAME", help=f"loop over the steps: {listed(ENGINES)}")
 
 
 def add_allow_inaccurate(parser: argparse.ArgumentParser) -> None:

@@ -14,11 +14,11 @@ import numpy as np
 
 from friction_fmus.axis.loop_assembly import block, typed
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo
+from friction_fmus.blocks import USES
 from friction_fmus.blocks.arithmetic import Number, evaluate, names_in, vectors_in
 from friction_fmus.blocks.axis_units import Words, words_of
 from friction_fmus.blocks.block_declarations import Use
 from friction_fmus.blocks.catalogue import about_of, listing
-from friction_fmus.blocks.kinds import USES
 from friction_fmus.errors import did_you_mean
 from friction_fmus.identification import Array
 from friction_fmus.study.config import ALL, ConfigError

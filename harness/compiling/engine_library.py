@@ -32,6 +32,7 @@ def library() -> ctypes.CDLL:
     engine.engine_batch.restype = _INT
     engine.engine_batch.argtypes = (_POINTER, _POINTER, _INT, _INT)
     engine.engine_inert.restype = _POINTER
+    engine.engine_takes_turns.restype = ctypes.c_bool
     engine.engine_float_control.restype = ctypes.c_uint32
     engine.engine_set_float_control.argtypes = (ctypes.c_uint32,)
     engine.engine_drive.argtypes = (_POINTER, _INT)

@@ -156,17 +156,28 @@ def compiled(platform: Platform, sources: Mapping[str, str], name: str, *, heade
 
 def linked(platform: Platform, units: Mapping[str, Mapping[str, str]], name: str, quiet: Collection[str] = ()) -> bytes:
     """Compile and link a library of several C files for a platform; the object of each file is cached."""
-    slices = [_linked(target, units, f"{name}{platform.suffix}", quiet) for target in platform.targets]
+    slices = [_linked(target, units, f"{name}{platform.suffix}", quiet)[1] for target in platform.targets]
     return universal(slices) if len(slices) > 1 else slices[0]
 
 
-def _linked(target: str | None, units: Mapping[str, Mapping[str, str]], library: str, quiet: Collection[str]) -> bytes:
+def inlined(units: Mapping[str, Mapping[str, str]], name: str) -> Path:
+    """Compile a library of several C files for this machine, with functions inlined across files; return its path."""
+    return _linked(None, units, f"{name}{NATIVE.suffix}", (), toolchain.INLINING)[0]
+
+
+def _linked(
+    target: str | None,
+    units: Mapping[str, Mapping[str, str]],
+    library: str,
+    quiet: Collection[str],
+    inlining: Sequence[str] = (),
+) -> tuple[Path, bytes]:
     def make(unit: str) -> bytes:
-        return _object(target, unit, units[unit], warns=unit not in quiet)
+        return _object(target, unit, units[unit], warns=unit not in quiet, inlining=inlining)
 
     with ThreadPoolExecutor(available()) as pool:
         objects = dict(zip(units, pool.map(make, units), strict=True))
-    flags = " ".join(toolchain.object_flags(target))
+    flags = " ".join((*toolchain.object_flags(target), *inlining))
     digest = _digest(
         target, f"{library} {flags}", {unit: hashlib.sha256(data).hexdigest() for unit, data in objects.items()}
     )
@@ -176,10 +187,11 @@ def _linked(target: str | None, units: Mapping[str, Mapping[str, str]], library:
             for number, data in enumerate(objects.values()):
                 (scratch / f"{number}.o").write_bytes(data)
             names = [f"{number}.o" for number in range(len(objects))]
-            toolchain.link_library(scratch, names, scratch / library, target=target)
+            toolchain.link_library(scratch, names, scratch / library, target=target, inlining=inlining)
             return (scratch / library).read_bytes()
 
-    return cached(toolchain.cache_folder() / "libraries" / f"{digest}-{library}", link_it)
+    path = toolchain.cache_folder() / "libraries" / f"{digest}-{library}"
+    return path, cached(path, link_it)
 
 
 def assembly(target: str | None, unit: str, sources: Mapping[str, str]) -> str:
@@ -187,19 +199,28 @@ def assembly(target: str | None, unit: str, sources: Mapping[str, str]) -> str:
     return _object(target, unit, sources, warns=False, form="-S").decode(errors="replace")
 
 
-def _object(target: str | None, unit: str, sources: Mapping[str, str], *, warns: bool, form: str = "-c") -> bytes:
+def _object(
+    target: str | None,
+    unit: str,
+    sources: Mapping[str, str],
+    *,
+    warns: bool,
+    form: str = "-c",
+    inlining: Sequence[str] = (),
+) -> bytes:
     """Return the object of one C file, from the cache or compiled."""
 
     def compile_to(form: str) -> bytes:
         with _scratch() as scratch:
             _write(scratch, sources)
-            toolchain.compile_object(scratch, unit, scratch / "unit.o", form=form, warns=warns, target=target)
-            return (scratch / "unit.o").read_bytes()
+            output = scratch / "unit.o"
+            toolchain.compile_object(scratch, unit, output, form=form, warns=warns, target=target, inlining=inlining)
+            return output.read_bytes()
 
     # a file of another tool may include files of this machine, which only the preprocessor finds
     whole = "" if warns else compile_to("-E").decode(errors="replace")
     quiet = () if warns else toolchain.QUIET
-    digest = _digest(target, " ".join((unit, form, *toolchain.SECTIONS, *quiet, whole)), sources)
+    digest = _digest(target, " ".join((unit, form, *toolchain.SECTIONS, *quiet, *inlining, whole)), sources)
     return cached(toolchain.cache_folder() / "objects" / f"{digest}.o", lambda: compile_to(form))
 
 

@@ -49,6 +49,7 @@ FLAGS = (
 )
 LINK_FLAGS = ("-shared", "-s", "-lm")
 SECTIONS = ("-ffunction-sections", "-fdata-sections")  # so that the linker can remove what nothing calls
+INLINING = ("-O2", "-flto") if sys.platform == "linux" else ()  # across files; zig's linkers for others have no -flto
 QUIET = ("-w", "-std=gnu11")  # flags for files of other tools, which may use what C99 lacks
 
 _EXPORTS = (
@@ -169,13 +170,21 @@ def compile_library(
 
 
 def compile_object(
-    folder: Path, source: str, output: Path, *, form: str = "-c", warns: bool = True, target: str | None = None
+    folder: Path,
+    source: str,
+    output: Path,
+    *,
+    form: str = "-c",
+    warns: bool = True,
+    target: str | None = None,
+    inlining: Sequence[str] = (),
 ) -> None:
     """Compile a C file that includes the FMI headers; see `compile_library`."""
     command = [
         *compiler(target),
         *_flags(target, own=warns),
         *SECTIONS,
+        *inlining,
         *(() if warns else QUIET),
         "-isystem",  # the headers of FMI 3.0 have function types without prototype
         str(header_folder()),
@@ -187,9 +196,12 @@ def compile_object(
     _run(folder, command, f"{source} does not compile", target)
 
 
-def link_library(folder: Path, objects: Sequence[str], library: Path, *, target: str | None = None) -> None:
+def link_library(
+    folder: Path, objects: Sequence[str], library: Path, *, target: str | None = None, inlining: Sequence[str] = ()
+) -> None:
     """Link object files to a shared library; see `compile_library`."""
-    command = [*compiler(target), *objects, "-o", str(library), *_link_flags(library, target), *object_flags(target)]
+    flags = [*inlining, *_link_flags(library, target), *object_flags(target)]
+    command = [*compiler(target), *objects, "-o", str(library), *flags]
     _run(folder, command, f"{library.name} cannot be linked; correct the sources of its parts", target)
 
 

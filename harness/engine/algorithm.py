@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 import numpy as np
 
 from harness.compiling.engine_library import mirror
+from harness.engine.compiled import compiled_loop
 from harness.engine.defect import Coupling
 from harness.engine.manipulate import Manipulations
 from harness.engine.native import NOT_CONVERGED, Engine
@@ -231,6 +232,7 @@ class Ticks:
         coupling = Coupling(self.engine, schedule) if measured and not schedule.implicit else None
         self._mechanisms = [each for each in (self._algorithm, coupling) if each is not None]
         self._manipulations = Manipulations(plan, schedule, manipulators)
+        self._loop: int | None = None
 
     def begin(self, recorder: Recorder) -> None:
         """Begin a run, whose parts have been started."""
@@ -242,8 +244,15 @@ class Ticks:
             attach_lines(self.engine, self._lines)
         for mechanism in self._mechanisms:
             mechanism.begin()
+        self.engine.data.compiled = self._loop
         remembering = (*self._mechanisms, self._manipulations)
         self.memory = {name: array for each in remembering for name, array in each.memory().items()}
+
+    def compile(self, *, required: bool) -> None:
+        """Compile the loop of this run and those that follow; raise a HarnessError if it is required and cannot be."""
+        if self._loop is None:
+            self._loop = compiled_loop(self.engine, required=required)
+        self.engine.data.compiled = self._loop
 
     def run(self, first: int, last: int) -> None:
         """Run the ticks first, ..., last - 1."""

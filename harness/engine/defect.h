@@ -99,41 +99,50 @@ static void measure_lead(Pair *p, double F, double v)
     p->F = F, p->dF = dF, p->v1 = v, p->dv = dv;
 }
 
-static void measure_defects(Engine *e)
+/* Measure the defect of an input, which this output drives. */
+static inline void measure_defect(const Engine *e, Defect *d, int64_t input, double end, bool renewed)
 {
-    for (Defect *d = e->defects; d < e->defects + e->defect_count; d++) {
-        if (!d->renewed)
-            d->held = e->signals[d->input];
-        const double end = arriving(e, d->input), defect = end - d->held;
-        const double lasting = fmin(fabs(defect), fabs(d->before));
-        const bool large = fabs(defect) >= SMALL * fabs(d->before);
-        if (large && defect * d->before < 0.0)
-            d->flips += lasting;
-        d->squares += lasting * lasting;
-        d->before = large ? defect : 0.5 * d->before;
-        d->mean = 0.5 * (d->value + end);
-        d->value = end;
-        d->values += fabs(end);
-        d->value_squares += end * end;
-    }
-    for (Pair *p = e->pairs; p < e->pairs + e->pair_count; p++) {
-        const Defect *const force = &e->defects[p->force], *const velocity = &e->defects[p->velocity];
-        const double F = force->mean, v = velocity->mean, passed = F * v * e->step;
-        const double made = (force->held * v - velocity->held * F) * e->step;
-        const double before = 2.0 * v - velocity->value; /* at the start of the step */
-        if (before * velocity->value <= 0.0 && velocity->value != 0.0 && p->contact >= 0)
-            look_for_rest(e, p, velocity->input);
-        if (p->position >= 0)
-            measure_path(e, p);
-        if (p->late)
-            measure_lead(p, force->value, velocity->value);
-        p->made += fabs(made);
-        p->fed += made;
-        p->net += passed;
-        p->flow += fabs(passed);
-        if (++p->ticks == WINDOW)
-            end_window(p);
-    }
+    if (!renewed)
+        d->held = e->signals[input];
+    const double defect = end - d->held;
+    const double lasting = fmin(fabs(defect), fabs(d->before));
+    const bool large = fabs(defect) >= SMALL * fabs(d->before);
+    if (large && defect * d->before < 0.0)
+        d->flips += lasting;
+    d->squares += lasting * lasting;
+    d->before = large ? defect : 0.5 * d->before;
+    d->mean = 0.5 * (d->value + end);
+    d->value = end;
+    d->values += fabs(end);
+    d->value_squares += end * end;
+}
+
+static inline void measure_pair(Engine *e, Pair *p, const Defect *force, const Defect *velocity, bool has_position,
+                                bool late)
+{
+    const double F = force->mean, v = velocity->mean, passed = F * v * e->step;
+    const double made = (force->held * v - velocity->held * F) * e->step;
+    const double before = 2.0 * v - velocity->value; /* at the start of the step */
+    if (before * velocity->value <= 0.0 && velocity->value != 0.0 && p->contact >= 0)
+        look_for_rest(e, p, velocity->input);
+    if (has_position)
+        measure_path(e, p);
+    if (late)
+        measure_lead(p, force->value, velocity->value);
+    p->made += fabs(made);
+    p->fed += made;
+    p->net += passed;
+    p->flow += fabs(passed);
+    if (++p->ticks == WINDOW)
+        end_window(p);
+}
+
+static inline void measure_defects(Engine *e)
+{
+    for (Defect *d = e->defects; d < e->defects + e->defect_count; d++)
+        measure_defect(e, d, d->input, arriving(e, d->input), d->renewed);
+    for (Pair *p = e->pairs; p < e->pairs + e->pair_count; p++)
+        measure_pair(e, p, &e->defects[p->force], &e->defects[p->velocity], p->position >= 0, p->late > 0);
 }
 
 #endif

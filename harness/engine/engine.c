@@ -10,6 +10,7 @@
 #include "integrator.h"
 #include "masters.h" /* generated: it includes the header of each master */
 #include "tick.h"
+#include "turns.h"
 
 #include <stdlib.h>
 
@@ -36,14 +37,6 @@ MIRRORED(Variable3)
 EXPORT int64_t fixed_point_work(int64_t n);
 
 EXPORT int64_t fixed_point_work(int64_t n) { return FIXED_POINT_WORK(n); }
-
-static void record(Engine *e)
-{
-    double *const row = e->rows + e->filled * e->width;
-    for (int64_t i = 0; i < e->width; i++)
-        row[i] = e->signals[e->columns[i]];
-    e->filled++;
-}
 
 /* How a tick is performed: by the master; or, if the program handles one part after the other (Gauss-Seidel) with plain
    connections at every tick, by turns of the parts: of FMUs that exchange Reals only, or by direct calls. Selecting and
@@ -104,25 +97,20 @@ static bool take_direct_turns(Engine *e, double t)
         const EnginePart *const p = &e->parts[e->program[6 * taken + 1]];
         done = p->direct->turn(p->component, &p->ports, e->signals, t, e->step);
     }
-    for (int64_t i = 0; i < taken; i++) {
-        const int64_t part = e->program[6 * i + 1];
-        EnginePart *const p = &e->parts[part];
-        int operation = STEP,
-            status = p->direct->verify(p->component, &p->ports, e->signals, t, e->step, done || i + 1 < taken);
-        if (status == NOT_DIRECT) {
-            operation = SET;
-            status = hand_over(p, e->signals);
-        }
-        if (status > 1)
-            return failed(e, part, operation, status, t);
-    }
-    return true;
+    return settle_turns(e, taken, done, t);
 }
+
+EXPORT bool engine_takes_turns(const Engine *e);
+
+/* Return whether a loop can be compiled for this system, see compiled_system.h. */
+EXPORT bool engine_takes_turns(const Engine *e) { return way_of(e) == BY_DIRECT_TURNS; }
 
 /* Run the ticks from, ..., to - 1. Return the first tick that was not completed, or `to` if all were. */
 static int64_t run_ticks(Engine *e, int64_t from, int64_t to)
 {
     const Way way = way_of(e);
+    if (e->compiled && way == BY_DIRECT_TURNS)
+        return e->compiled(e, from, to);
     for (int64_t tick = from; tick < to; tick++) {
         span_tick(e, tick);
         if (!(way == BY_DIRECT_TURNS ? take_direct_turns(e, e->time)
@@ -130,8 +118,7 @@ static int64_t run_ticks(Engine *e, int64_t from, int64_t to)
                                      : advance(e, tick)))
             return tick;
         measure_defects(e);
-        if (e->width > 0 && (e->decimate == 1 || (tick + 1) % e->decimate == 0))
-            record(e);
+        record_tick(e, tick);
     }
     return to;
 }

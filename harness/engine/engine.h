@@ -100,6 +100,9 @@ typedef struct engine Engine;
 /* One tick of a master that is more than a list of operations; false: failed. */
 typedef bool Advance(Engine *e, int64_t tick);
 
+/* The ticks from, ..., to - 1 of one system; returns the first that was not completed, or `to`. */
+typedef int64_t Loop(Engine *e, int64_t from, int64_t to);
+
 struct engine {
     EnginePart *parts;
     int64_t part_count;
@@ -126,6 +129,7 @@ struct engine {
     const int64_t *lines_from; /* part p has the lines lines_from[p], ..., lines_from[p + 1] - 1 */
     Advance *advance;          /* of the master; NULL: the program is the master */
     void *algorithm;           /* its data */
+    Loop *compiled;            /* for this system, in which parts take turns; NULL: none */
     int64_t failed_part, failed_operation, status, float_change; /* of the last run */
     double failed_time;
 };

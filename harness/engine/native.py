@@ -52,6 +52,7 @@ class Engine:
         self.error: BaseException | None = None
         self.data = EngineData()  # new for each run
         self.parts = (EnginePart * len(plan.parts))()
+        self.program = tuple(program)
         self._program = np.array(program, dtype=np.int64).reshape(-1, 2)
         self._bound: dict[int, _Bound] = {}
         self._kept: list[object] = []

@@ -17,6 +17,7 @@ import xarray as xr
 
 from harness.engine.algorithm import Progress
 from harness.engine.checkpoint import digest, function_identity, part_identity
+from harness.engine.compiled import check_engine
 from harness.errors import SweepError, nearest
 from harness.extras import require
 from harness.sweeps.columns import Columns, Memory, Storage
@@ -119,6 +120,7 @@ def sweep(
     resolve: Callable[[str], Path] | None = None,
     progress: Progress | None = None,
     accuracy: bool = False,
+    engine: str = "auto",
 ) -> xr.Dataset:
     """Run a system with many parameter sets.
 
@@ -151,6 +153,8 @@ def sweep(
         Receives the number of completed runs.
     accuracy : bool
         Whether each run is repeated with other steps, which gives each measure ``x`` an error bound ``x.bound``.
+    engine : {"auto", "general", "compiled"}
+        See `System.run`; "auto" counts the steps of all runs.
 
     Returns
     -------
@@ -164,6 +168,7 @@ def sweep(
     HarnessError
         If a name is unknown or the system is invalid.
     """
+    check_engine(engine)
     with ExitStack() as stack:
         if isinstance(system, (str, Path)):
             archive = Path(system).suffix.lower() == ".ssp"
@@ -191,6 +196,7 @@ def sweep(
         pending = [run for run in range(len(parameter_sets)) if run not in storage.done]
         if progress is not None:
             progress.update(len(storage.done), len(parameter_sets))
+        job = replace(job, engine=engine, runs=len(pending))
         if pending:
             pool = make_pool(executor, workers)
             try:

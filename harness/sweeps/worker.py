@@ -14,7 +14,7 @@ from harness.errors import HarnessError, SweepError
 from harness.parts.fmu import FmuPart
 from harness.parts.part import StartValue
 from harness.result import Result
-from harness.run import Session
+from harness.run import Options, Session
 from harness.sweeps.measures import Builtin, Measure, label
 from harness.sweeps.samples import Sample
 from harness.system.experiment import SCALARS, Experiment
@@ -35,6 +35,8 @@ class Job:
     measures: tuple[Measure, ...]  # functions of the result of a run
     keep: tuple[str, ...] = ()  # variables whose trajectories are returned
     accuracy: bool = False  # whether each measure gets an error bound
+    engine: str = "auto"  # of each run
+    runs: int = 1  # number of runs
 
 
 @dataclass
@@ -98,7 +100,8 @@ class Runner:
         layout = settings, start.keys(), {name: start[name] for name in start.keys() & self._sizes}
         if self._session is None or layout != self._layout:
             system, experiment = self._set(values, self.job.experiment)
-            self._session, self._start, self._layout = Session(system, experiment), system.start, layout
+            options = Options(engine=self.job.engine, runs=self.job.runs)
+            self._session, self._start, self._layout = Session(system, experiment, options), system.start, layout
         session = self._session
         if any(part.undeclared for part in self.system.parts.values()):
             self._session = None  # start values decide on which inputs its outputs depend

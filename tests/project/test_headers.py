@@ -17,8 +17,9 @@ FOLDERS = [
 ]
 HEADERS = {path.name: path for folder in FOLDERS for path in sorted(folder.glob("*.h"))}
 BLOCKS = sorted(path for folder in FOLDERS for path in folder.glob("*.c") if folder.name not in ("fmu_src", "wasm"))
-SHELLS = {"composite.h", "composite_parts.h", "fmi3.h", "fmi3_values.h"}
-"""The generated file of a composite or of an FMI 3.0 FMU defines tables before them; every build compiles them."""
+SHELLS = {"compiled_part.h", "compiled_system.h", "composite.h", "composite_parts.h", "fmi3.h", "fmi3_values.h"}
+"""The generated file of a composite, of an FMI 3.0 FMU or of a compiled system defines tables before them; every build
+compiles them."""
 
 
 def compiles(text: str, folder: Path) -> str:

@@ -5,7 +5,7 @@ import os
 import shutil
 import textwrap
 
-from friction_fmus.blocks.kinds import FAMILIES, KINDS
+from friction_fmus.blocks import FAMILIES, KINDS
 from friction_fmus.cli.arguments import add_json, print_json
 from friction_fmus.errors import visible
 

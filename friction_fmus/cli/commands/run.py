@@ -14,6 +14,7 @@ from pathlib import Path
 import harness
 from friction_fmus.cli.arguments import (
     add_allow_inaccurate,
+    add_engine,
     add_json,
     add_master,
     add_set,
@@ -39,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--step", type=float, metavar="H", help="communication step [s]")
     parser.add_argument("--stop", type=float, metavar="T", help="end time [s]")
     add_master(parser)
+    add_engine(parser)
     add_set(parser, "PART.NAME")
     parser.add_argument("--parameters", type=Path, metavar="FILE", help="parameter set (.ssv)")
     parser.add_argument("--record", action="append", metavar="PATTERN", help="variables to record; may be repeated")
@@ -79,6 +81,7 @@ def run(options: argparse.Namespace) -> int:
                 checkpoint=options.checkpoint,
                 pace=options.pace,
                 events=options.events,
+                engine=options.engine,
                 accuracy=options.accuracy if options.require is None else options.require,
             )
         except (HarnessError, Interrupted) as error:

@@ -15,6 +15,7 @@ from typing import Any
 import harness
 from friction_fmus.cli.arguments import (
     add_allow_inaccurate,
+    add_engine,
     add_json,
     add_master,
     add_scheduler,
@@ -63,6 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--step", type=float, metavar="H", help="communication step [s]")
     parser.add_argument("--stop", type=float, metavar="T", help="end time [s]")
     add_master(parser)
+    add_engine(parser)
     parser.add_argument(
         "--workers", type=int, metavar="N", help="number of processes or threads; default: number of processors"
     )
@@ -103,6 +105,7 @@ def run(options: argparse.Namespace) -> int:
             keep=options.keep,
             progress=RunBar(bar, "sweep", {0.0: f"{counted(len(samples), 'run')}, workers: {where}"}),
             accuracy=options.accuracy,
+            engine=options.engine,
         )
     errors = [str(error) for error in result["error"].to_numpy() if error]
     warnings = [str(text) for text in result["warnings"].to_numpy()[result["error"].to_numpy() == ""] if text]
