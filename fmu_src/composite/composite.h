@@ -19,6 +19,7 @@ typedef struct {
     double inputs[INPUTS + 1], slopes[INPUTS + 1];
     double base[INPUTS + 1], rate[INPUTS + 1]; /* inputs over a span that is divided, as lines from its start */
     double begun_signals[SIGNALS + 1];         /* at the start of such a span */
+    int rests[LINES + 1], holds[UNKNOWNS + 1]; /* between two ticks: contacts at rest, and holding forces, there */
     double signals[SIGNALS + 1], gains[MAPPED + 1], offsets[MAPPED + 1], past[PAST + 1];
     Moving moving[LINES + 1];
     StepCheck guards[GROUPS + 1];
@@ -913,9 +914,18 @@ static bool known(fmi2ValueReference reference, int type)
     return reference < VARIABLES && variables[reference].type == type;
 }
 
-/* Give the contacts at rest v = 0 exactly, and those that stick the holding force of the last step. */
+/* Give the contacts at rest v = 0 exactly, and those that stick the holding force of the last step. Between two ticks
+   the loops are those at the start of the tick. */
 static void keep_at_rest(Instance *c)
 {
+    for (int64_t k = 0; c->memory.inside && k < LINES; k++)
+        if (c->memory.rests[k])
+            stop_source(&c->engine, &c->lines[k]);
+    for (int64_t j = 0; c->memory.inside && j < UNKNOWNS; j++)
+        if (c->memory.holds[j])
+            c->memory.signals[unknown_outputs[j]] = c->earlier[unknown_outputs[j]];
+    if (c->memory.inside)
+        return;
     const int64_t jumped = c->newton.jumped;
     for (int64_t g = 0; g < GROUPS; g++) {
         c->newton.jumped = c->memory.guards[g].jumped;
@@ -1230,6 +1240,8 @@ static void remember_tick(Instance *c)
     memcpy(start->past, m->past, sizeof m->past);
     memcpy(start->gains, m->gains, sizeof m->gains);
     memcpy(start->offsets, m->offsets, sizeof m->offsets);
+    memcpy(start->rests, m->rests, sizeof m->rests);
+    memcpy(start->holds, m->holds, sizeof m->holds);
     for (int64_t i = 0; i < PARTS; i++)
         for (int64_t k = part_data[i].outputs[REAL]; part_data[i].sampled && k < part_data[i].outputs[TYPES]; k++)
             start->begun_signals[k] = m->signals[k];
@@ -1237,9 +1249,28 @@ static void remember_tick(Instance *c)
     m->inside = true;
 }
 
+/* Find the contacts that are at rest, and the unknowns of loops that are holding forces, which the friction at v = 0
+   does not give. */
+static void find_resting(Instance *c)
+{
+    Memory *const m = &c->memory;
+    for (int64_t k = 0; k < LINES; k++)
+        m->rests[k] = is_rest(&m->moving[k]);
+    for (const Group *g = group_data; g < group_data + GROUPS; g++) {
+        const Contact *const first = contacts_of(&c->newton, g), *const last = first + g->contacts;
+        bool rests = false;
+        for (const Contact *k = first; k < last; k++)
+            rests = rests || m->rests[k->line];
+        for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
+            m->holds[j] = m->guards[g - group_data].jumped && !rests;
+        for (const Contact *k = first; k < last; k++)
+            m->holds[k->unknown] = m->holds[k->unknown] || m->moving[k->line].role == IN_JUMP;
+    }
+}
+
 /* Move the parts over a part of the tick on the lines that solve the whole tick. A contact that rests in the whole tick
    has v = 0 exactly. */
-static bool move_on_lines(Instance *c, double length, const bool *rests, const bool *holds)
+static bool move_on_lines(Instance *c, double length)
 {
     Engine *const e = &c->engine;
     for (int64_t k = 0; k < PARTS; k++) {
@@ -1253,7 +1284,7 @@ static bool move_on_lines(Instance *c, double length, const bool *rests, const b
             const double begin = 2.0 * l->mean - l->end, end = begin + (l->end - begin) * (length / e->length);
             l->mean = 0.5 * (begin + end);
             l->end = c->memory.moving[i].unknown < 0 ? arriving(e, l->input) : end; /* of a part that has moved */
-            if (rests[i]) {
+            if (c->memory.rests[i]) {
                 l->mean = l->end = 0.0;
                 stop_source(e, l);
             }
@@ -1265,23 +1296,9 @@ static bool move_on_lines(Instance *c, double length, const bool *rests, const b
             return failed(e, part, STEP, status, e->time);
     }
     for (int64_t j = 0; j < UNKNOWNS; j++)
-        if (holds[j])
+        if (c->memory.holds[j])
             e->signals[unknown_outputs[j]] = c->newton.w[j];
     return true;
-}
-
-/* Mark the unknowns of a loop that are holding forces, which the friction at v = 0 does not give. */
-static void find_holding(const Instance *c, const Group *g, bool *holds)
-{
-    const Memory *const m = &c->memory;
-    const Contact *const first = contacts_of(&c->newton, g), *const last = first + g->contacts;
-    bool rests = false;
-    for (const Contact *k = first; k < last; k++)
-        rests = rests || is_rest(&m->moving[k->line]);
-    for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
-        holds[j] = m->guards[g - group_data].jumped && !rests;
-    for (const Contact *k = first; k < last; k++)
-        holds[k->unknown] = holds[k->unknown] || m->moving[k->line].role == IN_JUMP;
 }
 
 #define STIFF 0.1 /* diagonal of the inverse Jacobian of a loop that returns ten times a change */
@@ -1311,22 +1328,23 @@ static bool divide_span(Instance *c, double length)
     const int64_t spans = c->newton.substeps + loops;
     c->tick = *m;
     const bool whole = advance(e, m->tick) && c->newton.substeps == spans;
-    bool rests[LINES + 1], holds[UNKNOWNS + 1];
+    find_resting(c);
     for (int64_t k = 0; k < LINES; k++)
-        rests[k] = is_rest(&m->moving[k]) && c->tick.moving[k].u0 == 0.0;
-    for (int64_t g = 0; g < GROUPS; g++)
-        find_holding(c, &group_data[g], holds);
+        m->rests[k] = m->rests[k] && c->tick.moving[k].u0 == 0.0; /* in the whole tick */
     remember_tick(c);
     if (!return_to_span(c))
         return false;
     if (whole && !is_stiff(&c->newton))
-        return move_on_lines(c, length, rests, holds);
+        return move_on_lines(c, length);
     c->tick = *m;
     e->status = 0;
     e->begins = false;
     e->length = length;
     const bool done = advance(e, m->tick);
+    find_resting(c);
     memcpy(c->tick.signals, m->signals, sizeof m->signals);
+    memcpy(c->tick.rests, m->rests, sizeof m->rests);
+    memcpy(c->tick.holds, m->holds, sizeof m->holds);
     *m = c->tick;
     return done;
 }

@@ -420,3 +420,20 @@ def test_a_slow_part_is_stepped_at_the_end_of_its_last_inner_step(tmp_path: Path
             found.append(run.get1("mass.v"))
         assert run.get1("stopping.x") == pytest.approx(0.02, rel=1e-6)
     assert found == pytest.approx([0.2 * 0.25 * ((k + 1) // 4) for k in range(16)], abs=1e-15)
+
+
+@pytest.mark.parametrize("model", HOLDING)
+def test_a_mass_that_has_stopped_between_grid_points_is_held_by_friction(rigid: Library, model: str) -> None:
+    """1 kg under 0.3 N, Fc = 1 N: it stops before v0 / 0.7; then v = 0 and F = 0.3 N, also after an input was set to
+    the same value, which has the outputs that depend on it computed again."""
+    load, names, h = f"mass_{model}.F_drive", (f"mass_{model}.v", f"{model}.F"), 0.37e-3
+    for v0 in np.linspace(1e-3, 5e-3, 20):
+        with Instance(rigid) as run:
+            run.initialise(**{f"mass_{model}.v0": float(v0), load: 0.3, "Karnopp.DV": 0.0})
+            for k in range(math.ceil(v0 / 0.7 / h) + 4):
+                run.step(k * h, h)
+                for force in (None, 0.3) if k * h > v0 / 0.7 + h else ():
+                    run.set({} if force is None else {load: force})
+                    v, F = run.get(*names)
+                    assert v == 0.0, (v0, k, force)
+                    assert abs(F - 0.3) < 1e-9, (v0, k, force)
