@@ -191,6 +191,8 @@ class Carried:
     phases: Sequence[Phase]
     scales: Sequence[float]
     """Typical sizes of x, v and the states."""
+    strict: int = 0
+    """Tolerances are divided by as many powers of 10, absolute ones of 100."""
 
     def run(self, t: Array) -> dict[str, Array]:
         """Return x, v and F."""
@@ -198,7 +200,7 @@ class Carried:
         y, support = np.array([0.0, self.v0, *self.q0]), 0.0
         found = {name: np.empty(len(t)) for name in ("x", "v", "F")}
         ends = [*(phase.begin for phase in self.phases[1:]), np.inf]
-        latest = time.process_time() + SECONDS
+        latest = time.process_time() + SECONDS * 4.0**self.strict
         for phase, until in zip(self.phases, ends, strict=True):
             begin, end = float(max(phase.begin, t[0])), float(min(until, t[-1]))
             if end <= begin:
@@ -209,7 +211,8 @@ class Carried:
             rows = slice(*np.searchsorted(t, [begin, np.inf if last else end]))
             walk = _modal if contact.ends() else _smooth
             y = walk(
-                rhs, begin, end, y, t[rows], contact, self.scales, {n: values[rows] for n, values in found.items()}
+                *(rhs, begin, end, y, t[rows], contact, np.array(self.scales) / 100.0**self.strict),
+                *({n: values[rows] for n, values in found.items()}, 0.1**self.strict),
             )
             support += phase.support * (end - begin)
         if not all(np.isfinite(values).all() for values in found.values()):
@@ -228,15 +231,21 @@ class Carried:
 
 
 def _smooth(
-    rhs: Any, begin: float, end: float, y: Array, t: Array, contact: Any, scales: Sequence[float], out: dict[str, Array]
+    rhs: Any,
+    begin: float,
+    end: float,
+    y: Array,
+    t: Array,
+    contact: Any,
+    scales: Array,
+    out: dict[str, Array],
+    share: float,
 ) -> Array:
     grid = np.unique(np.concatenate([[begin], t, [end]]))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            run = odeint(
-                rhs, y, grid, tfirst=True, rtol=1e-10, atol=1e-11 * np.array(scales), mxstep=1_000_000, h0=1e-12
-            )
+            run = odeint(rhs, y, grid, tfirst=True, rtol=1e-10 * share, atol=1e-11 * scales, mxstep=1_000_000, h0=1e-12)
         except Warning:
             raise TooLongError from None
     rows = np.searchsorted(grid, t)
@@ -245,15 +254,26 @@ def _smooth(
 
 
 def _modal(
-    rhs: Any, begin: float, end: float, y: Array, t: Array, contact: Any, scales: Sequence[float], out: dict[str, Array]
+    rhs: Any,
+    begin: float,
+    end: float,
+    y: Array,
+    t: Array,
+    contact: Any,
+    scales: Array,
+    out: dict[str, Array],
+    share: float,
 ) -> Array:
-    now = begin
+    now, last = begin, -1
     while now < end:
+        if last and contact.ends()[0](y[1], y[2:]) > 0.0:  # a reversal by rounding, when another mode ended
+            y[2:] = contact.change(0, y[1], y[2:])
+        last = -1
         conditions = [lambda _, y, g=g: g(y[1], y[2:]) for g in contact.ends()]
         for condition in conditions:
             condition.terminal, condition.direction = True, 1.0
         run: Any = solve_ivp(
-            rhs, (now, end), y, "LSODA", events=conditions, rtol=1e-10, atol=1e-12 * np.array(scales), dense_output=True
+            rhs, (now, end), y, "LSODA", events=conditions, rtol=1e-10 * share, atol=1e-12 * scales, dense_output=True
         )
         if run.status < 0:
             raise TooLongError
@@ -262,8 +282,8 @@ def _modal(
             _keep(run.sol(t[rows]), contact, out, rows)
         now, y = float(run.t[-1]), run.y[:, -1].copy()
         if run.status == 1:
-            which = next(i for i, times in enumerate(run.t_events) if times.size)
-            y[2:] = contact.change(which, y[1], y[2:])
+            last = next(i for i, times in enumerate(run.t_events) if times.size)
+            y[2:] = contact.change(last, y[1], y[2:])
     return y
 
 
