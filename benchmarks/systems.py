@@ -1,4 +1,4 @@
-"""Whole systems: the engine with direct calls of the blocks and with the functions of FMI, C by hand, one FMU, batches.
+"""Whole systems: the engine with direct calls, with the functions of FMI, and compiled; C by hand, one FMU, batches.
 
 All of a comparison run in turn in one process; the fastest round of each counts, and the median of the ratios of the
 rounds. Times are processor times without the start. The servo of a batch is a PD controller at 10 kHz, a mass and LuGre
@@ -138,7 +138,8 @@ def compared(
     SystemExit
         If one of them computes something else.
     """
-    times: dict[str, list[float]] = {"direct": [], "fmi": [], "one": [], "newton": [], "hand": []}
+    times: dict[str, list[float]] = {"direct": [], "fmi": [], "compiled": [], "one": [], "newton": [], "hand": []}
+    explicit = "master" not in settings
     implicit = {**settings, "master": "newton"}
     path = folder / f"{title.replace('-', '_').replace(' ', '_')}.fmu"
     with make() as system, make() as plain:
@@ -151,11 +152,15 @@ def compared(
                 times["direct"].append(taken)
                 taken, x_fmi = engine_time(plain, n, record, **settings)
                 times["fmi"].append(taken)
+                if explicit:
+                    taken, x_compiled = engine_time(system, n, record, engine="compiled", **settings)
+                    times["compiled"].append(taken)
                 taken, x_newton = engine_time(system, n, record, **implicit)
                 times["newton"].append(taken)
                 taken, x_one = engine_time(one, n, f"one.{record}", step=settings["step"])
                 times["one"].append(taken)
-                if not (np.array_equal(x, x_fmi) and np.array_equal(x_newton, x_one)):
+                same = np.array_equal(x, x_fmi) and np.array_equal(x_newton, x_one)
+                if not same or (explicit and not np.array_equal(x, x_compiled)):
                     raise SystemExit(f"{title}: they compute different values")
                 if by_hand is not None:
                     taken, x_hand = by_hand()
@@ -170,6 +175,9 @@ def compared(
     rows += ratio_rows(f"{title}: engine / the same with the functions of FMI", times["direct"], times["fmi"], aim)
     if by_hand is not None:
         rows += ratio_rows(f"{title}: engine / C by hand", times["direct"], times["hand"], 1.3)
+    if explicit:
+        rows += ratio_rows(f"{title}: compiled / engine", times["compiled"], times["direct"], 0.6)
+        rows += ratio_rows(f"{title}: compiled / C by hand", times["compiled"], times["hand"], 1.3)
     rows += ratio_rows(f"{title}: one FMU / engine, both newton", times["one"], times["newton"], 1.0)
     return rows
 
@@ -247,25 +255,37 @@ def speed_rows(system: System, loop: FmpyServo, n: int, rounds: int) -> list[Row
     peers = {name: MuJoCo(name) for name in ("Euler", "RK4")}
     samples = max(10, 5000 // n)  # of the reference position in one call
     r, ours, others, theirs = references(n, samples), [], {name: [] for name in peers}, []
+    compiled: list[float] = []
     with (
+        system.batch(n, inputs=["pid.r"], outputs=["mass.x"], step=STEP, engine="compiled") as made,
         system.batch(n, inputs=["pid.r"], outputs=["mass.x"], step=STEP) as batch,
         system.batch(n, inputs=["pid.r"], start={"mass.m": np.ones(n)} if n <= 100 else {}, step=STEP) as varied,
     ):
         held = np.ascontiguousarray(r.T)[:, :, None]
+        for each in (batch, made):
+            each.step(held[0], PER)  # which compiles
         for _ in range(rounds):
             begin = time.perf_counter()
             for row in held:
                 batch.step(row, PER)
             ours.append((time.perf_counter() - begin) / (n * samples * PER))
+            begin = time.perf_counter()
+            for row in held:
+                made.step(row, PER)
+            compiled.append((time.perf_counter() - begin) / (n * samples * PER))
+            if not np.array_equal(made.values, batch.values):
+                raise SystemExit("the compiled batch computes something else")
             for name, peer in peers.items():
                 others[name].append(peer.time(r) / (n * samples * PER))
             theirs.append(loop.time(r[0, :10]) / (10 * PER))
         rows = [
             Row(f"{n} servos: steps of a batch", 1e-6 / min(ours), "million/s"),
+            Row(f"{n} servos: steps of a compiled batch", 1e-6 / min(compiled), "million/s"),
             Row(f"{n} servos: memory of a copy", batch.size / 1e3, "kB", 1.0),
         ]
         if n <= 100:
             rows.append(Row(f"{n} servos: memory of a copy with parameters of its own", varied.size / 1e3, "kB"))
+    rows += ratio_rows(f"{n} servos: compiled batch / batch", compiled, ours)
     for name, times in others.items():
         rows += ratio_rows(f"{n} servos: batch / MuJoCo's rollout with {name}", ours, times)
     return [*rows, *ratio_rows(f"{n} servos: batch / fmpy", ours, theirs)]
