@@ -77,9 +77,9 @@ and slips; its C (`benchmarks/pulled_mass.c`) solves each step as `newton` does,
 depends on the length of a step only, as the block does; its positions agree to 1e-9 m. The servo (profile, PID, mass,
 LuGre) and the GMS loop run under `gauss-seidel`, the others under `newton`.
 
-"compiled" is the loop compiled for the system, with the blocks inlined (`--engine compiled`), bit for bit the same. Of a
-step of the servo, it measures coupling errors for 15 ns and checks results for 10 ns, which C by hand does not; most of
-the rest are the equations of the blocks. Under `newton` compiling gains nothing, as the solver calls the blocks from
+"compiled" is the loop compiled for the system, with the blocks inlined (`--engine compiled`), bit for bit the same. Of
+a step of the servo, it measures coupling errors for 15 ns and checks results for 10 ns, which C by hand does not; most
+of the rest are the equations of the blocks. Under `newton` compiling gains nothing, as the solver calls the blocks from
 many places, and is not offered.
 
 The servo of a batch is a PD controller at 10 kHz, a mass and LuGre friction, in steps of 0.1 ms, of which each call

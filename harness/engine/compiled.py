@@ -100,7 +100,10 @@ def _compiled(files: Mapping[str, str], blocks: Mapping[int, FmuPart]) -> ctypes
     for number, block in blocks.items():
         unit = f"part_{number}.c"
         members = block.archive.read(*(name for name in block.archive.names if name.startswith("sources/")))
-        own = {name.replace("sources", f"part_{number}", 1): text.decode() for name, text in members.items()}
+        own = {
+            name.replace("sources", f"part_{number}", 1): text.decode(errors="replace")
+            for name, text in members.items()
+        }
         units[unit] = {**own, unit: files[unit], **{name: headers[name] for name in ("compiled_part.h", "direct.h")}}
     loaded = ctypes.CDLL(str(inlined(units, "system")))
     loaded.compiled_size.restype, loaded.compiled_size.argtypes = ctypes.c_int64, (ctypes.c_int64, ctypes.c_void_p)
