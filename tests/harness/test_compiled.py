@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from thorough import landing
 
 import harness
 from harness import CallablePart, ExperimentError, FmuPart, HarnessError, PartError, Result, System, Tap
@@ -59,6 +60,7 @@ def test_values_and_measures_are_those_of_the_general_loop(servo: System, caplog
         assert MADE in caplog.text
 
 
+@landing
 @pytest.mark.parametrize("friction", ["Coulomb", "GMS"])
 def test_contacts_that_stick_and_flags(build_fmu: BuildFmu, friction: str) -> None:
     """A controller with Boolean inputs, and a contact that passes v = 0, whose rest the engine looks for."""
@@ -162,6 +164,7 @@ def test_a_sweep_has_the_same_table(servo: System, executor: str) -> None:
     assert (general["error"].to_numpy() != "").tolist() == [False, False, True, False]
 
 
+@landing
 def test_copies_of_a_batch_are_the_same_and_fail_alike(build_fmu: BuildFmu, monkeypatch: pytest.MonkeyPatch) -> None:
     parts = [FmuPart(name, build_fmu(model)) for name, model in PARTS.items() if name != "profile"]
     start = {**START, "pid.rd": 0.0, "pid.rdd": 0.0, "pid.r": 0.0, "friction.sigma2": 1e150}
@@ -189,6 +192,7 @@ def test_copies_of_a_batch_are_the_same_and_fail_alike(build_fmu: BuildFmu, monk
     assert {*found[2][1]} >= {5, 17}
 
 
+@landing
 def test_a_library_that_is_not_of_its_sources_is_not_compiled(
     build_fmu: BuildFmu, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
