@@ -127,7 +127,12 @@ def add_master(parser: argparse.ArgumentParser) -> None:
 
 def add_engine(parser: argparse.ArgumentParser) -> None:
     """Add the option for the engine; the harness validates its name."""
-    parser.add_argument("--engine", default="auto", metavar="NAME", help=f"loop over the steps: {listed(ENGINES)}")
+    parser.add_argument(
+        "--engine",
+        default="auto",
+        metavar="NAME",
+        help=f"loop over the steps: {listed(ENGINES)} for this system; default: auto",
+    )
 
 
 def add_allow_inaccurate(parser: argparse.ArgumentParser) -> None:

@@ -69,7 +69,7 @@ def _refusal(engine: Engine) -> str:
         return "its master does not step one part after the other, as gauss-seidel does"
     other = next((part.name for part, data in zip(plan.parts, engine.parts, strict=True) if not data.direct), None)
     if other is not None:
-        return f"'{other}' is not a block or a law of this project"
+        return f"'{other}' is not a block or a law of this project as an FMI 2.0 FMU"
     return (
         "it has manipulators, connections with a factor, an offset or a delay, or parts with a sample time of their own"
     )
@@ -136,7 +136,7 @@ def _part(number: int, block: FmuPart, data: Any) -> str:
     """Return the C file of a part."""
     listed = [str(file.get("name")) for file in block.archive.root.iterfind("CoSimulation/SourceFiles/File")]
     if block.archive.flat is not None or len(listed) != 1:
-        raise HarnessError(f"'{block.name}' is not an FMU for FMI 2.0 with sources")
+        raise HarnessError(f"'{block.name}' is an FMU without its sources")
     ports = data.ports
     counts = [int(n) for n in (ports.reals, ports.flags, ports.out_reals, ports.out_counts, ports.out_flags)]
     inputs, outputs = counts[0] + counts[1], sum(counts[2:])

@@ -106,7 +106,7 @@ def test_a_part_that_fails_fails_in_the_same_step(servo: System, start: dict[str
         ({"master": "newton"}, "its master does not step one part after the other, as gauss-seidel does"),
         ({"master": "jacobi"}, "its master does not step one part after the other"),
         ({"gain": 2.0}, "it has manipulators, connections with a factor"),
-        ({"other": True}, "'probe' is not a block or a law of this project"),
+        ({"other": True}, "'probe' is not a block or a law of this project as an FMI 2.0 FMU"),
         ({"every": 2}, "parts with a sample time of their own"),
     ],
 )
