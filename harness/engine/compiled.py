@@ -1,7 +1,9 @@
 """The loop over communication steps, compiled for one system, with the code of its blocks and its layout in it."""
 
 import ctypes
+import hashlib
 import logging
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
@@ -85,13 +87,28 @@ def _loop(engine: Engine) -> int:
     files = {f"part_{number}.c": _part(number, block, engine.parts[number]) for number, block in blocks.items()}
     files["system.c"] = _system(engine, places)
     key = (*files.values(), *(block.identity for block in blocks.values()))
-    if key not in _LOADED:
-        _LOADED[key] = _compiled(files, blocks)
-    loaded, fixed = _LOADED[key], ctypes.c_int64()
+    loaded = _LOADED.get(key) or _compiled(files, blocks)
     for number, block in blocks.items():
-        if (loaded.compiled_size(number, ctypes.byref(fixed)), fixed.value) != place_of(engine.parts[number])[1:]:
-            raise BuildError(f"the library of '{block.name}' was not made from the sources in its FMU; build it again")
+        fixed, guid = ctypes.c_int64(), ctypes.create_string_buffer(64)
+        size = loaded.compiled_size(number, ctypes.byref(fixed), guid)
+        if (size, fixed.value) != place_of(engine.parts[number])[1:] or guid.value.decode() != block.identity:
+            raise _foreign(block)
+    _LOADED[key] = loaded
     return ctypes.cast(loaded.run_compiled, ctypes.c_void_p).value or 0
+
+
+def _foreign(block: FmuPart) -> BuildError:
+    return BuildError(f"the library of '{block.name}' was not made from the sources in its FMU; build it again")
+
+
+_IDENTITY: Final = re.compile(r'^#define IDENTITY "(\w+)"\n', re.M)  # a hash of the other lines, and part of the GUID
+
+
+def _identified(sources: Mapping[str, str]) -> bool:
+    """Return whether sources have the hash that they state."""
+    stated = [digits for text in sources.values() for digits in _IDENTITY.findall(text)]
+    text = "\0".join(part for name in sorted(sources) for part in (name, _IDENTITY.sub("", sources[name])))
+    return stated == [hashlib.sha256(text.encode()).hexdigest()[:32]]
 
 
 def _compiled(files: Mapping[str, str], blocks: Mapping[int, FmuPart]) -> ctypes.CDLL:
@@ -100,13 +117,17 @@ def _compiled(files: Mapping[str, str], blocks: Mapping[int, FmuPart]) -> ctypes
     for number, block in blocks.items():
         unit = f"part_{number}.c"
         members = block.archive.read(*(name for name in block.archive.names if name.startswith("sources/")))
-        own = {
-            name.replace("sources", f"part_{number}", 1): text.decode(errors="replace")
-            for name, text in members.items()
+        own = {name.removeprefix("sources/"): text.decode(errors="replace") for name, text in members.items()}
+        if not _identified(own):
+            raise _foreign(block)
+        units[unit] = {
+            **{f"part_{number}/{name}": text for name, text in own.items()},
+            **{name: headers[name] for name in ("compiled_part.h", "direct.h")},
+            unit: files[unit],
         }
-        units[unit] = {**own, unit: files[unit], **{name: headers[name] for name in ("compiled_part.h", "direct.h")}}
     loaded = ctypes.CDLL(str(inlined(units, "system")))
-    loaded.compiled_size.restype, loaded.compiled_size.argtypes = ctypes.c_int64, (ctypes.c_int64, ctypes.c_void_p)
+    size = loaded.compiled_size
+    size.restype, size.argtypes = ctypes.c_int64, (ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)
     return loaded
 
 

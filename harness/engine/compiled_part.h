@@ -17,7 +17,7 @@ static const Ports ports_of_part = PART_PORTS;
 
 bool OF_PART(turn_)(void *component, double *signals, double t, double h);
 int OF_PART(verify_)(void *component, const double *signals, double t, double h, bool done);
-int64_t OF_PART(size_)(int64_t *fixed);
+int64_t OF_PART(size_)(int64_t *fixed, char *guid);
 
 bool OF_PART(turn_)(void *component, double *signals, double t, double h)
 {
@@ -29,9 +29,10 @@ int OF_PART(verify_)(void *component, const double *signals, double t, double h,
     return direct_verify(component, &ports_of_part, signals, t, h, done);
 }
 
-/* Return the size of a state, of which the first `fixed` bytes are parameters. */
-int64_t OF_PART(size_)(int64_t *fixed)
+/* Return the size of a state, of which the first `fixed` bytes are parameters, and the GUID of the sources. */
+int64_t OF_PART(size_)(int64_t *fixed, char *guid)
 {
+    write_guid(guid);
     *fixed = VARYING;
     return STATE_SIZE;
 }

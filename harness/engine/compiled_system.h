@@ -11,7 +11,7 @@
 #define DECLARE(part, place)                                                                                           \
     bool turn_##part(void *component, double *signals, double t, double h);                                            \
     int verify_##part(void *component, const double *signals, double t, double h, bool done);                          \
-    int64_t size_##part(int64_t *fixed);
+    int64_t size_##part(int64_t *fixed, char *guid);
 
 TURNS(DECLARE)
 
@@ -53,14 +53,14 @@ EXPORT int64_t run_compiled(Engine *e, int64_t from, int64_t to)
     return to;
 }
 
-EXPORT int64_t compiled_size(int64_t part, int64_t *fixed);
+EXPORT int64_t compiled_size(int64_t part, int64_t *fixed, char *guid);
 
-/* Return the size of a state of a part, of which the first `fixed` bytes are parameters. */
-EXPORT int64_t compiled_size(int64_t part, int64_t *fixed)
+/* Return the size of a state of a part, of which the first `fixed` bytes are parameters, and the GUID of its sources. */
+EXPORT int64_t compiled_size(int64_t part, int64_t *fixed, char *guid)
 {
 #define SIZE(number, place)                                                                                            \
     if (part == number)                                                                                                \
-        return size_##number(fixed);
+        return size_##number(fixed, guid);
     TURNS(SIZE)
     return 0;
 }

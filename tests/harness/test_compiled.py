@@ -192,23 +192,51 @@ def test_copies_of_a_batch_are_the_same_and_fail_alike(build_fmu: BuildFmu, monk
     assert {*found[2][1]} >= {5, 17}
 
 
-@landing
+FOREIGN = "the library of 'friction' was not made from the sources in its FMU"
+
+
+@pytest.mark.parametrize(
+    ("line", "other"),
+    [
+        (b"    STATE    (z,", b'    LOCAL(more, FORCE, "added") \\\n    STATE    (z,'),
+        (b"m->F = ", b"m->F = 2.0 * "),  # the layout is the same
+        (b"#define IDENTITY", b"#define OTHER"),
+    ],
+)
 def test_a_library_that_is_not_of_its_sources_is_not_compiled(
-    build_fmu: BuildFmu, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    build_fmu: BuildFmu, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: bytes, other: bytes
 ) -> None:
     changed = tmp_path / "LuGre.fmu"
     with zipfile.ZipFile(build_fmu("LuGre")) as source, zipfile.ZipFile(changed, "w") as target:
         for name in source.namelist():
             data = source.read(name)
             if name == "sources/LuGre.c":
-                data = data.replace(b"    STATE    (z,", b'    LOCAL(more, FORCE, "added") \\\n    STATE    (z,', 1)
-                assert b"added" in data
+                assert line in data
+                data = data.replace(line, other, 1)
             target.writestr(name, data)
     paths = {name: changed if name == "friction" else build_fmu(model) for name, model in PARTS.items()}
     with System([FmuPart(name, path) for name, path in paths.items()], WIRES, START, SETTINGS) as system:
         monkeypatch.setattr(compiled, "_LOADED", {})
-        with pytest.raises(HarnessError, match="the library of 'friction' was not made from the sources in its FMU"):
+        with pytest.raises(HarnessError, match=FOREIGN):
             system.run(engine="compiled")
+
+
+@landing
+def test_an_fmu_that_is_built_again_while_its_library_is_loaded_is_not_compiled(
+    build_fmu: BuildFmu, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file has other sources, of a library with the same layout; its first content is compiled afterwards."""
+    monkeypatch.setattr(compiled, "_LOADED", {})
+    friction = tmp_path / "LuGre.fmu"
+    friction.write_bytes(build_fmu("LuGre").read_bytes())
+    paths = {name: friction if name == "friction" else build_fmu(model) for name, model in PARTS.items()}
+    with System([FmuPart(name, path) for name, path in paths.items()], WIRES, START, SETTINGS) as system:
+        general = system.run()
+        friction.write_bytes(build_fmu("LuGre", Fc=2.0).read_bytes())
+        with pytest.raises(HarnessError, match=FOREIGN):
+            system.run(engine="compiled")
+        friction.write_bytes(build_fmu("LuGre").read_bytes())
+        assert same(system.run(engine="compiled"), general)
 
 
 def test_without_a_compiler_it_is_refused_and_runs_by_itself(servo: System, monkeypatch: pytest.MonkeyPatch) -> None:
