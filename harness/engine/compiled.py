@@ -15,6 +15,7 @@ from harness.engine.defect import Defect, Pair
 from harness.engine.native import Engine
 from harness.errors import BuildError, ExperimentError, HarnessError, nearest
 from harness.parts.fmu import FmuPart
+from harness.storage.zip_file import ZipError
 from harness.system.plan import GET, SET, STEP
 
 _LOG = logging.getLogger("harness")
@@ -56,7 +57,7 @@ def compiled_loop(engine: Engine, *, required: bool) -> int:
         if missing := lacking():
             raise missing
         loop = _loop(engine)
-    except HarnessError as error:
+    except (HarnessError, OSError, ZipError) as error:
         if required:
             raise HarnessError(f"the engine cannot be compiled for this system: {error}") from error
         _LOG.debug("the engine is not compiled for this system: %s", error)

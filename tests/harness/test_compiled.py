@@ -247,3 +247,27 @@ def test_without_a_compiler_it_is_refused_and_runs_by_itself(servo: System, monk
         servo.run(engine="compiled")
     monkeypatch.setattr(compiled, "WORTH", 1)
     assert same(servo.run(), general)
+
+
+@pytest.mark.parametrize("lacking", ["room", "file", "archive"])
+def test_without_files_it_is_refused_and_runs_by_itself(
+    build_fmu: BuildFmu, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lacking: str
+) -> None:
+    """A long run must not end because a temporary folder is full, or the file of an FMU is gone."""
+    friction = tmp_path / "LuGre.fmu"
+    friction.write_bytes(build_fmu("LuGre").read_bytes())
+    paths = {name: friction if name == "friction" else build_fmu(model) for name, model in PARTS.items()}
+    with System([FmuPart(name, path) for name, path in paths.items()], WIRES, START, SETTINGS) as system:
+        general = system.run(engine="general")
+        monkeypatch.setattr(compiled, "_LOADED", {})
+        if lacking == "room":
+            monkeypatch.setenv("FRICTION_FMUS_CACHE", str(tmp_path / "cache"))
+            monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "gone"))
+        elif lacking == "file":
+            friction.unlink()
+        else:
+            friction.write_bytes(b"no archive")
+        with pytest.raises(HarnessError, match="the engine cannot be compiled for this system"):
+            system.run(engine="compiled")
+        monkeypatch.setattr(compiled, "WORTH", 1)
+        assert same(system.run(), general)
