@@ -55,7 +55,7 @@ EXPORT int64_t run_compiled(Engine *e, int64_t from, int64_t to)
 
 EXPORT int64_t compiled_size(int64_t part, int64_t *fixed, char *guid);
 
-/* Return the size of a state of a part, of which the first `fixed` bytes are parameters, and the GUID of its sources. */
+/* Return the size of the state of a part, whose first `fixed` bytes are parameters, and the GUID of its sources. */
 EXPORT int64_t compiled_size(int64_t part, int64_t *fixed, char *guid)
 {
 #define SIZE(number, place)                                                                                            \
