@@ -177,7 +177,7 @@ def _linked(
 
     with ThreadPoolExecutor(available()) as pool:
         objects = dict(zip(units, pool.map(make, units), strict=True))
-    flags = " ".join((*toolchain.object_flags(target), *inlining))
+    flags = " ".join(toolchain.object_flags(target, inlining))
     digest = _digest(
         target, f"{library} {flags}", {unit: hashlib.sha256(data).hexdigest() for unit, data in objects.items()}
     )

@@ -48,6 +48,7 @@ FLAGS = (
     *("-DFMI2_OVERRIDE_FUNCTION_PREFIX", "-DFMI3_OVERRIDE_FUNCTION_PREFIX"),
 )
 LINK_FLAGS = ("-shared", "-s", "-lm")
+STRICT = "-Wl,-z,defs"  # what nothing defines is an error; not with sanitizers, which define more
 SECTIONS = ("-ffunction-sections", "-fdata-sections")  # so that the linker can remove what nothing calls
 INLINING = ("-O2", "-flto") if sys.platform == "linux" else ()  # across files; zig's linkers for others have no -flto
 QUIET = ("-w", "-std=gnu11")  # flags for files of other tools, which may use what C99 lacks
@@ -200,19 +201,20 @@ def link_library(
     folder: Path, objects: Sequence[str], library: Path, *, target: str | None = None, inlining: Sequence[str] = ()
 ) -> None:
     """Link object files to a shared library; see `compile_library`."""
-    flags = [*inlining, *_link_flags(library, target), *object_flags(target)]
+    flags = [*_link_flags(library, target), *object_flags(target, inlining)]
     command = [*compiler(target), *objects, "-o", str(library), *flags]
     _run(folder, command, f"{library.name} cannot be linked; correct the sources of its parts", target)
 
 
-def object_flags(target: str | None) -> tuple[str, ...]:
+def object_flags(target: str | None, inlining: Sequence[str] = ()) -> tuple[str, ...]:
     """Return the flags with which the linker removes what nothing calls, and finds what nothing defines."""
     name = target or sys.platform
     if "macos" in name or name == "darwin":
         return ("-Wl,-dead_strip",)
     # under Windows a missing function is an error anyway; a sanitizer defines its own in the program
     strict = "linux" in name and not any(flag.startswith("-fsanitize") for flag in compiler(target))
-    return ("-Wl,--gc-sections", *(("-Wl,-z,defs",) if strict else ()))
+    alone = (*inlining, "-nostartfiles") if inlining else ()  # without their static variables, see `compiled.py`
+    return ("-Wl,--gc-sections", *((STRICT,) if strict else ()), *alone)
 
 
 def _link_flags(library: Path, target: str | None) -> list[str]:

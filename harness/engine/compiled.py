@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from harness.compiling.engine_library import library, mirror, sources
 from harness.compiling.platforms import inlined
-from harness.compiling.toolchain import lacking
+from harness.compiling.toolchain import STRICT, lacking, object_flags
 from harness.engine import ENGINES
 from harness.engine.defect import Defect, Pair
 from harness.engine.native import Engine
@@ -93,22 +93,20 @@ def _loop(engine: Engine) -> int:
         fixed, guid = ctypes.c_int64(), ctypes.create_string_buffer(64)
         size = loaded.compiled_size(number, ctypes.byref(fixed), guid)
         if (size, fixed.value) != place_of(engine.parts[number])[1:] or guid.value.decode() != block.identity:
-            raise _foreign(block)
+            raise BuildError(_FOREIGN % block.name)
     _LOADED[key] = loaded
     return ctypes.cast(loaded.run_compiled, ctypes.c_void_p).value or 0
 
 
-def _foreign(block: FmuPart) -> BuildError:
-    return BuildError(f"the library of '{block.name}' was not made from the sources in its FMU; build it again")
-
-
+_FOREIGN: Final = "the library of '%s' was not made from the sources in its FMU; build it again"
 _IDENTITY: Final = re.compile(r'^#define IDENTITY "(\w+)"\n', re.M)  # a hash of the other lines, and part of the GUID
 
 
 def _identified(sources: Mapping[str, str]) -> bool:
-    """Return whether sources have the hash that they state."""
+    """Return whether the sources in a folder have the hash that they state."""
     stated = [digits for text in sources.values() for digits in _IDENTITY.findall(text)]
-    text = "\0".join(part for name in sorted(sources) for part in (name, _IDENTITY.sub("", sources[name])))
+    lines = {name.partition("/")[2]: _IDENTITY.sub("", sources[name]) for name in sorted(sources)}
+    text = "\0".join(part for item in lines.items() for part in item)
     return stated == [hashlib.sha256(text.encode()).hexdigest()[:32]]
 
 
@@ -117,16 +115,18 @@ def _compiled(files: Mapping[str, str], blocks: Mapping[int, FmuPart]) -> ctypes
     units = {"system.c": {**headers, "system.c": files["system.c"]}}
     for number, block in blocks.items():
         unit = f"part_{number}.c"
-        members = block.archive.read(*(name for name in block.archive.names if name.startswith("sources/")))
-        own = {name.removeprefix("sources/"): text.decode(errors="replace") for name, text in members.items()}
-        if not _identified(own):
-            raise _foreign(block)
-        units[unit] = {
-            **{f"part_{number}/{name}": text for name, text in own.items()},
-            **{name: headers[name] for name in ("compiled_part.h", "direct.h")},
-            unit: files[unit],
+        read = block.archive.read(*(name for name in block.archive.names if name.startswith("sources/")))
+        own = {
+            name.replace("sources", f"part_{number}", 1): text.decode(errors="replace") for name, text in read.items()
         }
-    loaded = ctypes.CDLL(str(inlined(units, "system")))
+        if not _identified(own):
+            raise BuildError(_FOREIGN % block.name)
+        units[unit] = {**own, unit: files[unit], **{name: headers[name] for name in ("compiled_part.h", "direct.h")}}
+    path = inlined(units, "system")
+    sections = re.findall(rb"\0(\.data|\.bss)\0", path.read_bytes())  # a sanitizer has some of its own
+    if sections and STRICT in object_flags(None):
+        raise HarnessError("a part has static variables, which its library and the loop would not share")
+    loaded = ctypes.CDLL(str(path))
     size = loaded.compiled_size
     size.restype, size.argtypes = ctypes.c_int64, (ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)
     return loaded

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sys
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,7 +14,9 @@ import pytest
 from thorough import landing
 
 import harness
+from friction_fmus import build
 from harness import CallablePart, ExperimentError, FmuPart, HarnessError, PartError, Result, System, Tap
+from harness.compiling.toolchain import source_folder
 from harness.engine import compiled
 
 BuildFmu = Callable[..., Path]
@@ -237,6 +240,25 @@ def test_an_fmu_that_is_built_again_while_its_library_is_loaded_is_not_compiled(
             system.run(engine="compiled")
         friction.write_bytes(build_fmu("LuGre").read_bytes())
         assert same(system.run(engine="compiled"), general)
+
+
+@landing
+@pytest.mark.skipif(sys.platform != "linux", reason="not known elsewhere")
+def test_a_model_with_static_variables_is_not_compiled(
+    build_fmu: BuildFmu, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The library has set them at the start, to a friction of 1 N; the loop would take 0."""
+    code = (source_folder() / "friction" / "Viscous.c").read_text(encoding="utf-8")
+    code = code.replace("static void equations", "static double level;\n\nstatic void equations")
+    code = code.replace("    m->F = ", "    if (m->run.mode == INITIALIZING)\n    level = 1.0;\n    m->F = level + ")
+    (tmp_path / "Viscous.c").write_text(code, encoding="utf-8")
+    paths = {name: build_fmu(model) for name, model in PARTS.items()}
+    paths["friction"] = build(tmp_path / "Viscous.c", tmp_path / "fmus")
+    monkeypatch.setattr(compiled, "_LOADED", {})
+    with System([FmuPart(name, path) for name, path in paths.items()], WIRES, START, SETTINGS) as system:
+        assert system.run()["friction.F"].min() > 0.9
+        with pytest.raises(HarnessError, match="a part has static variables"):
+            system.run(engine="compiled")
 
 
 def test_without_a_compiler_it_is_refused_and_runs_by_itself(servo: System, monkeypatch: pytest.MonkeyPatch) -> None:
