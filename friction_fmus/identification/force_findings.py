@@ -54,6 +54,7 @@ SIGNIFICANT: Final = 3.0  # number of standard errors by which a negative mass m
 FALLING: Final = 0.2  # part of the top speed above which friction that falls has not left the Stribeck range
 FALLEN, SURE = 0.05, 20.0  # fall over Coulomb friction that matters, and number of standard errors that make it sure
 LATE: Final = 2.0  # delay of the force, which looks like viscous friction, that is allowed for [samples]
+OPPOSED: Final = -0.9  # correlation of reference and position below which one of them has the wrong sign
 
 DRIVING: Final = 0.02  # fraction of the mean power of the force with which friction drives an axis of wrong sign
 
@@ -197,6 +198,16 @@ def falling_friction(equations: DriveEquations, record: Record) -> RecordFinding
     return RecordFinding("stribeck-range-not-left", what, change)
 
 
+def opposed_reference(record: Record) -> tuple[RecordFinding, ...]:
+    """Return the finding that the reference moves against the position, if it does."""
+    q, r = record.q, record.reference
+    if q is None or r is None or not np.ptp(q) or not np.ptp(r) or np.corrcoef(q, r)[0, 1] > OPPOSED:
+        return ()
+    what = "The reference moves against the position; one of them has the wrong sign."
+    change = "Set sign = -1 for the reference in [columns], or for position and force, whichever is inverted."
+    return (RecordFinding("reference-opposed", what, change),)
+
+
 def stuck(records: Sequence[Record]) -> RecordFinding | None:
     """Return a finding about rests in which the drive force changes although the position does not."""
     if any(record.force is None or record.friction is not None for record in records):
@@ -215,7 +226,7 @@ def stuck(records: Sequence[Record]) -> RecordFinding | None:
 
 def contradictions(records: Sequence[Record]) -> tuple[RecordFinding, ...]:
     """Return findings about a motion that no axis makes, and a force that no mass with friction needs for it."""
-    about_position = tuple(position_findings(records))
+    about_position = (*position_findings(records), *opposed_reference(max(records, key=len)))
     equations = drive_equations([record.without_load() for record in records])
     balance = None if equations is None else drive_balance(equations)
     if equations is None or balance is None:

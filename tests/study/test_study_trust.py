@@ -211,6 +211,15 @@ def test_strokes_within_the_stribeck_range() -> None:
     assert "stribeck-range-not-left" not in [each.name for each in left]
 
 
+def test_a_reference_of_the_wrong_sign() -> None:
+    log = axis.simulate(4.0)
+    record = Record("axis", log.t, q=log.q, reference=-log.r, force=log.force)
+    (finding,) = contradictions([record])
+    assert finding.name == "reference-opposed"
+    assert "Set sign = -1 for the reference" in finding.measure
+    assert contradictions([replace(record, reference=log.r)]) == ()
+
+
 @pytest.mark.parametrize(("part", "names"), [(0.5e-3, ["no-dry-friction"]), (2e-3, [])])
 def test_a_record_without_dry_friction(part: float, names: list[str]) -> None:
     t = np.arange(0.0, 1.0, 1e-3)
