@@ -67,7 +67,9 @@ def show_first_look(records: Sequence[Record]) -> None:
             f"{name} {e.value:.4g} ± {e.standard_error:.2g}{'' if e.unit == '1' else f' {e.unit}'}"
             for name, e in found.items()
         )
-        console.print(styled(("first look", "bold"), f" (least squares over sliding): {values}"), soft_wrap=True)
+        Fv = found["Fv"]
+        doubt = "" if Fv.value > -2.0 * Fv.standard_error else "; Fv < 0: beyond these speeds, Fv and Fc are others"
+        console.print(styled(("first look", "bold"), f" (least squares over sliding): {values}{doubt}"), soft_wrap=True)
 
 
 def show_ready(bar: Progress, found: Identification | str) -> None:

@@ -22,6 +22,8 @@ from friction_fmus.identification.fit.rests import unresolved_rest
 from friction_fmus.identification.fit.scores import rms
 from friction_fmus.identification.fit.simulation_data import prepare
 
+NAMES: Final = ("M", "Fv", "Fc", "OF", "G_sin", "G_cos")  # coefficients of the columns of `DriveEquations`
+
 MASSES: Final[Mapping[str, tuple[float, float]]] = {"m": (1e-6, 1e7), "rad": (1e-10, 1e7)}
 """Smallest and largest mass [kg] or moment of inertia [kg.m2] of a machine, by unit of the position."""
 
@@ -48,6 +50,11 @@ VARIES: Final = 0.15
 
 ITERATIONS: Final = 15  # iterations of the robust fit
 SIGNIFICANT: Final = 3.0  # number of standard errors by which a negative mass must differ from zero
+
+FALLING: Final = 0.2  # part of the top speed above which friction that falls has not left the Stribeck range
+FALLEN, SURE = 0.05, 20.0  # fall over Coulomb friction that matters, and number of standard errors that make it sure
+LATE: Final = 2.0  # delay of the force, which looks like viscous friction, that is allowed for [samples]
+OPPOSED: Final = -0.9  # correlation of reference and position below which one of them has the wrong sign
 
 DRIVING: Final = 0.02  # fraction of the mean power of the force with which friction drives an axis of wrong sign
 
@@ -76,12 +83,11 @@ class DriveEquations(NamedTuple):
 def drive_balance(equations: DriveEquations) -> DriveBalance | None:
     """Fit mass and friction to the drive force."""
     A, F, *_ = equations
-    names = ("M", "Fv", "Fc", "OF", "G_sin", "G_cos")[: A.shape[1]]
-    found = solved(A, F, dict.fromkeys(names, "1"))
+    found = solved(A, F, dict.fromkeys(NAMES[: A.shape[1]], "1"))
     if not found:
         return None
     v = A[:, 1]
-    resting = A[:, 3:] @ [found[name].value for name in names[3:]]
+    resting = A[:, 3:] @ [each.value for each in [*found.values()][3:]]
     power = float(np.mean(np.abs((F - resting) * v)))
     friction = float(np.mean((found["Fv"].value * v + found["Fc"].value * A[:, 2]) * v))
     return DriveBalance(found["M"].value, found["M"].standard_error, friction / power if power else 0.0)
@@ -170,6 +176,38 @@ def clipped_force(records: Sequence[Record], equations: DriveEquations) -> Recor
     return None
 
 
+def falling_friction(equations: DriveEquations, record: Record) -> RecordFinding | None:
+    """Return a finding if the friction falls up to the largest speed, so that its viscous part is not determined."""
+    speed, units = np.abs(equations.A[:, 1]), record.units
+    top = float(np.max(speed))
+    fast = (speed > FALLING * top) & ~equations.ends
+    A = equations.A[fast]
+    found = solved(A, equations.F[fast], dict.fromkeys(NAMES[: A.shape[1]], "1"))
+    if not found:
+        return None
+    (M, Fv, Fc), error = (found[name].value for name in ("M", "Fv", "Fc")), found["Fv"].standard_error
+    late = LATE * record.Ts * abs(M) * float(np.mean(A[:, 0] ** 2) / np.mean(A[:, 1] ** 2))
+    if -Fv < SURE * error + late or not 0.0 < FALLEN * Fc < -Fv * top:
+        return None
+    what = (
+        f"The friction falls up to the largest speed, {top:.3g} {units.velocity}, as in the Stribeck range: least "
+        f"squares above {FALLING * top:.2g} {units.velocity} give Fv = {Fv:.3g} ± {error:.2g} {units.viscous}. The "
+        "record does not determine viscous and Coulomb friction, however small their intervals."
+    )
+    change = "Record faster strokes, too, at which the friction grows with the speed, or give Fv as fixed."
+    return RecordFinding("stribeck-range-not-left", what, change)
+
+
+def opposed_reference(record: Record) -> tuple[RecordFinding, ...]:
+    """Return the finding that the reference moves against the position, if it does."""
+    q, r = record.q, record.reference
+    if q is None or r is None or not np.ptp(q) or not np.ptp(r) or np.corrcoef(q, r)[0, 1] > OPPOSED:
+        return ()
+    what = "The reference moves against the position; one of them has the wrong sign."
+    change = "Set sign = -1 for the reference in [columns], or for position and force, whichever is inverted."
+    return (RecordFinding("reference-opposed", what, change),)
+
+
 def stuck(records: Sequence[Record]) -> RecordFinding | None:
     """Return a finding about rests in which the drive force changes although the position does not."""
     if any(record.force is None or record.friction is not None for record in records):
@@ -188,12 +226,16 @@ def stuck(records: Sequence[Record]) -> RecordFinding | None:
 
 def contradictions(records: Sequence[Record]) -> tuple[RecordFinding, ...]:
     """Return findings about a motion that no axis makes, and a force that no mass with friction needs for it."""
-    about_position = tuple(position_findings(records))
+    about_position = (*position_findings(records), *opposed_reference(max(records, key=len)))
     equations = drive_equations([record.without_load() for record in records])
     balance = None if equations is None else drive_balance(equations)
     if equations is None or balance is None:
         return about_position
-    about_force = (missing_force(equations, records[0].units.words), clipped_force(records, equations))
+    about_force = (
+        missing_force(equations, records[0].units.words),
+        clipped_force(records, equations),
+        falling_friction(equations, records[0]),
+    )
     about_mass = _about_mass(balance, records[0].units)
     return (*about_position, *about_mass, *(each for each in about_force if each is not None))
 

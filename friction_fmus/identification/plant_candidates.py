@@ -8,6 +8,9 @@ first one:
 
     f = w^2 s + 2 D w (x' - y'),  y'' = f - g sgn(y') - b y',  s = x - y less the backlash.
 
+A force from outside comes first, as it looks like any of the others: a line in the spectrum of what the base leaves,
+with one amplitude and phase from begin to end, at a frequency that the motion lacks.
+
 Sizes and standard errors are those of all findings together, for the second mass with the derivatives of f with respect
 to its parameters.
 """
@@ -56,6 +59,10 @@ TOGETHER: Final = 2_000_000  # samples times trials that are computed together
 STEPS: Final = 3  # steps by the method of Gauss and Newton after it
 START: Final = np.array([0.3, 1.0, 1.0, 1.0, 0.3])  # standard deviations of the logarithms in the first round
 TINY: Final = 1e-300  # logarithm of zero
+CYCLES: Final = 6  # fewest periods of a periodic force, and parts of a record in which it must have the same phase
+ALONE, STEADY = 0.5, 0.98  # least part of what the base leaves that it explains, and of what it explains by parts
+REPEATED: Final = 0.9  # the latter for a function of the motion, above which the motion has this frequency
+FORBIDS: Final = 0.1  # part of the rms force that a periodic force explains, above which no result can be used
 SATURATED: Final = 0.98  # part of the force limit above which a sample is saturated
 RARE, OFTEN = 0.01, 0.1  # part of saturated samples up to which it does not matter, and above which no interval holds
 
@@ -168,15 +175,21 @@ def plant_findings(
     records = [record.without_load() for record in records]
     if (balance := force_balance(records)) is not None:
         longest, most = max(records, key=len), LONG * _stride(balance)
+        frequency = _frequency_from_outside(balance)
+        outside = {} if frequency is None else {"outside": _waves(balance, frequency)}
+        balance = balance.beside(outside.values())
         part: ForceBalance | None = balance
         if sum(map(len, records)) > most:  # a search of a second mass in all of it would take too long
             part = force_balance([longest.window(longest.t[0], longest.t[min(most, len(longest)) - 1])])
+            part = part.beside([_waves(part, frequency)]) if part and frequency else part
         effects, second = ({}, None) if part is None else _beside_each_other(part)
         if part is not balance:
             second = None if second is None else SecondMass(second.trial, _slopes(balance, second.trial))
             effects = _effects(balance if second is None else balance.beside([second.columns[:, :2]]))
         own = effects if second is None else effects | {"second": second.columns[:, :2]}
-        found += _named(balance.beside(own.values()), effects, _sizes(balance, own))
+        sizes = _sizes(balance, outside | own)
+        found += [] if frequency is None else [_from_outside(balance, frequency, sizes)]
+        found += _named(balance.beside(own.values()), effects, sizes)
         for finding, behind in () if second is None else _of_second_mass(balance.beside(effects.values()), second):
             found, load = [*found, finding], behind
     return tuple(found), load
@@ -191,6 +204,77 @@ def _beside_each_other(balance: ForceBalance) -> tuple[dict[str, Array], SecondM
     elif second:
         effects = _effects(balance.beside([second.columns[:, :2]]))
     return effects, second
+
+
+def _waves(balance: ForceBalance, frequency: float) -> Array:
+    """Return sine and cosine of the time for each record, whose clocks may differ, the longest one first."""
+    owns = sorted(balance.signals, key=lambda s: -len(s["t"]))
+    columns = balance.rows(lambda s: [wave * (s is own) for own in owns for wave in _wave(s["t"], frequency).T])
+    return columns[:, np.any(columns != 0.0, axis=0)]
+
+
+def _explained(Q: Array, y: Array, columns: Array) -> float:
+    """Return the part of y beside Q that columns explain."""
+    E = _orthogonal(columns - Q @ (Q.T @ columns))
+    return float(np.sum(np.square(E.T @ y))) / max(float(y @ y - np.sum(np.square(Q.T @ y))), 1e-9 * float(y @ y), TINY)
+
+
+def _line(Q: Array, y: Array, t: Array, frequency: float) -> tuple[float, float]:
+    """Return the part of y beside Q that a sine over time explains, and this part over that of sines by parts."""
+    wave, at = _wave(t, frequency), np.digitize(t, np.linspace(t[0], t[-1], CYCLES + 1)[1:-1])
+    whole = _explained(Q, y, wave)
+    return whole, whole / max(_explained(Q, y, np.hstack([wave * (at == i)[:, None] for i in range(CYCLES)])), TINY)
+
+
+def _wave(t: Array, frequency: float) -> Array:
+    return np.column_stack([np.sin(2.0 * pi * frequency * t), np.cos(2.0 * pi * frequency * t)])
+
+
+def _frequency_from_outside(balance: ForceBalance) -> float | None:
+    """Return the frequency of a force that is periodic in time, in the longest record; None if there is none."""
+    longest = int(np.argmax(balance.lengths))
+    own, record = slice(*np.cumsum([0, *balance.lengths])[longest : longest + 2]), balance.records[longest]
+    t, one = balance.rows(lambda s: [s["t"], np.ones_like(s["t"])])[own].T
+    t, base, force, interval = t / one, balance.base[own], balance.force[own], balance.settings.decimation * record.Ts
+    n = round((t[-1] - t[0]) / interval) + 1
+    bins, near = np.fft.rfftfreq(4 * n, interval), np.linspace(-0.5, 0.5, 21) / (n * interval)
+    inside = (bins > CYCLES / (n * interval)) & (bins < ALIASED / interval)
+    Q, found = _orthogonal(base), []
+    # a force that moves a slow axis looks like its inertia, so that the line may only show without it
+    for part in (Q, _orthogonal(np.delete(base, (0, 2), axis=1))):
+        spread = np.zeros(n)
+        spread[np.round((t - t[0]) / interval).astype(int)] = force - part @ (part.T @ force)
+        peak = bins[np.argmax(np.abs(np.fft.rfft(spread, 4 * n)) * inside)]
+        found.extend((peak + near).tolist())
+    frequency = max(found, key=lambda f: _explained(Q, force, _wave(t, f)))
+    share, steady = _line(Q, force, t, frequency)
+    left = rms(force - Q @ (Q.T @ force))
+    if len(t) < 100 or share < ALONE or steady < STEADY or sqrt(share) * left < MATTERS * rms(force):
+        return None
+    path = record.column("q") if record.reference is None else record.reference
+    x, at = (each[:: balance.settings.decimation] for each in (path - np.mean(path), record.t))
+    v, mean = np.gradient(x), np.full((len(x), 1), len(x) ** -0.5)
+    for each in (v, np.gradient(v), np.sign(v), np.abs(v), x * x, x * v):
+        if max(_line(mean, each, at, f)[1] for f in frequency + near) > REPEATED:
+            return None
+    # at one speed, a force over position is periodic, too
+    pitch = _pitch(balance, max(float(np.ptp(s["q"])) for s in balance.signals))
+    ways = _waves(balance, frequency), _ripple(balance, 2.0 * pi / pitch)
+    less = [balance.left() ** 2 - balance.beside([columns]).left() ** 2 for columns in ways]
+    return None if less[1] > REPEATED * less[0] else frequency
+
+
+def _from_outside(balance: ForceBalance, frequency: float, sizes: Sizes) -> RecordFinding:
+    """Return the finding about a force that is periodic in time."""
+    u, power = sizes.u, sum(sizes({f"outside {i}": 1.0})[0] ** 2 for i in range(2)) / 2.0
+    name = "missing-force" if sqrt(power) > FORBIDS * rms(balance.force) else "disturbed-force"
+    what = (
+        f"A {u.force} of {frequency:.3f} Hz acts from outside, or disturbs the recorded one; its amplitude is "
+        f"{sizes.ripple('outside')}. The motion lacks this frequency. {u.mass.capitalize()}, friction and the other "
+        "findings may be wrong because of it."
+    )
+    change = f"Find its source and record without it, or record this {u.force} and declare its column as injected."
+    return RecordFinding(name, what, change)
 
 
 def _saturation(records: Sequence[Record], limit: float | None) -> Iterator[RecordFinding]:

@@ -582,7 +582,8 @@ def findings_of_plants(plants: Sequence[FoundPlant], best: IdentifiedModel) -> t
     arm = "The simulated axis is an arm, whose gravity the feedforward compensates."
     simulated |= dict.fromkeys(("gravity", "force-over-position"), arm) if "G_sin" in best.terms else {}
     beyond = [each.name for each in found if each.name in NOT_SIMULATED and each.name not in simulated]
-    return [StudyFinding(each.name, each.what, simulated.get(each.name, each.measure)) for each in found], beyond
+    ways = [simulated.get(each.name, each.measure) for each in found]
+    return [StudyFinding(f.name, f.what, way, f.name in FORBIDDING) for f, way in zip(found, ways, strict=True)], beyond
 
 
 def of_laws(found: IdentifiedModel) -> bool:

@@ -157,6 +157,7 @@ def dry_friction_findings(models: Sequence[IdentifiedModel], record: Record) -> 
 NOT_SIMULATED: Final = (
     *("saturated", "friction-drifts", "offset-drifts", "gravity", "backlash", "two-masses"),
     *("load-dependent-friction", "friction-varies", "direction-dependent-viscous-friction"),
+    *("missing-force", "disturbed-force"),
 )
 """Findings about the plant that the simulated axis, a rigid mass with friction, does not have."""
 

@@ -28,7 +28,9 @@ class Axis:
     load_friction: float = 0.0  # Coulomb friction of the load [N]
     drift: float = 0.0  # growth of the Coulomb friction during the record, relative
     offset_drift: float = 0.0  # growth of a constant force during the record [N]
-    gravity: float = 0.0  # amplitude of a force over sin q [N]
+    gravity: float = 0.0  # amplitude of a force over sin(wave q) [N]
+    wave: float = 1.0  # [rad/m]
+    outside: tuple[float, float] = (0.0, 1.0)  # amplitude and frequency of a force that the log does not have [N, Hz]
     backlash: float = 0.0  # gap between motor and load [m]
     stiffness: float = 0.0  # of the closed gap; 0: from the resonance [N/m]
     kp: float = 40.0
@@ -70,14 +72,14 @@ def simulate(axis: Axis, r: np.ndarray, seed: int = 0) -> Record:
         force[i] = min(max(command, -axis.limit), axis.limit)
         queue = [*queue[1:], force[i]]
         grown = 1.0 + axis.drift * i / n
-        outside = axis.offset_drift * i / n
+        outside = axis.offset_drift * i / n - axis.outside[0] * sin(2.0 * pi * axis.outside[1] * axis.Ts * i)
         for _ in range(FINE):
             spring = 0.0
             if m2:
                 twist = x1 - x2
                 stretch = twist - half if twist > half else twist + half if twist < -half else 0.0
                 spring = k * stretch + (c * (v1 - v2) if stretch or not half else 0.0)
-            free = v1 + h / m1 * (queue[0] - outside - axis.gravity * sin(x1) - axis.viscous * v1 - spring)
+            free = v1 + h / m1 * (queue[0] - outside - axis.gravity * sin(axis.wave * x1) - axis.viscous * v1 - spring)
             if axis.presliding:
                 bristle = slide(bristle + axis.presliding * h * v1, axis.forward)
                 v1 = free - h / m1 * bristle

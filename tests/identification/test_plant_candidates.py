@@ -143,6 +143,41 @@ def test_records_of_the_package(tmp_path: Path):
     assert plant_findings(load_data(load_config("demo"), tmp_path).records, 20.0) == ((), None)
 
 
+@pytest.mark.parametrize(("frequency", "size", "name"), [(1.3, 20.0, "missing-force"), (7.1, 3.0, "disturbed-force")])
+def test_a_periodic_force_from_outside(frequency, size, name):
+    """It moves the axis, the drive acts against it, and the log has the force of the drive alone."""
+    record = simulate(Axis(noise=0.5, outside=(size, frequency)), reference(T))
+    (finding,), load = plant_findings([record])
+    assert (finding.name, load) == (name, None)
+    found, amplitude = numbers_of(finding.what)
+    assert found == pytest.approx(frequency, abs=0.2 / T[-1])
+    assert amplitude == pytest.approx(size, rel=0.05)
+
+
+def test_a_drift_beside_a_periodic_force_from_outside():
+    record = simulate(Axis(noise=0.5, drift=-0.4, outside=(20.0, 1.3)), moves(T))
+    assert [each.name for each in plant_findings([record])[0]] == ["missing-force", "friction-drifts"]
+
+
+def test_a_periodic_force_in_segments_of_a_log():
+    record = simulate(Axis(noise=0.5, outside=(20.0, 1.3)), moves(T))
+    first, second = record.window(0.0, 0.55 * T[-1]), record.window(0.6 * T[-1], T[-1])
+    (finding,), _ = plant_findings([first, replace(second, t=second.t - second.t[0])])  # a clock of its own
+    assert numbers_of(finding.what) == pytest.approx([1.3, 20.0], rel=0.05)
+
+
+def test_a_ripple_at_one_speed_is_cogging():
+    """After 2 s at one speed, the force is periodic in time, too: 12 kg, 18 N, 45 N.s/m, 10 N over 24 mm."""
+    w, shakes = 4.0 * np.pi, T < 2.0
+    q = 0.05 * T + np.where(shakes, 3e-3 * (1.0 - np.cos(w * T)), 0.0)
+    v, a = 0.05 + np.where(shakes, 3e-3 * w * np.sin(w * T), 0.0), np.where(shakes, 3e-3 * w**2 * np.cos(w * T), 0.0)
+    noise = 0.5 * np.random.default_rng(1).standard_normal(len(T))
+    ripple = 10.0 * np.sin(2.0 * np.pi * q / 0.024)
+    name, numbers = named(Record("axis", T, q=q, force=12.0 * a + 18.0 + 45.0 * v + ripple + noise))
+    assert name == "cogging"
+    assert numbers == pytest.approx([10.0, 0.024], rel=0.05)
+
+
 def test_records_without_force_are_left_alone():
     t = 1e-3 * np.arange(3000.0)
     assert plant_findings([Record("axis", t, q=np.sin(t))]) == ((), None)

@@ -193,6 +193,33 @@ def test_pulses_that_the_recorded_force_does_not_contain(height: float, name: st
     assert contradictions([replace(record, injected=log.injected)]) == ()
 
 
+def test_strokes_within_the_stribeck_range() -> None:
+    """Friction 20 N + 10 N exp(-(v/vs)^2) + 40 N.s/m v of 12 kg, in closed form along a motion of 5 mm/s."""
+    t = 1e-3 * np.arange(20000.0)
+    w = 2.0 * np.pi * 0.4
+    q, v, a = 2e-3 * np.sin(w * t), 2e-3 * w * np.cos(w * t), -2e-3 * w**2 * np.sin(w * t)
+
+    def record(vs: float) -> Record:
+        noise = 0.1 * np.random.default_rng(2).standard_normal(len(t))
+        friction = np.sign(v) * (20.0 + 10.0 * np.exp(-((v / vs) ** 2))) + 40.0 * v
+        return Record("slow", t, q=q, force=12.0 * a + friction + noise)
+
+    (finding,) = [each for each in contradictions([record(6e-3)]) if each.name != "mass-not-identified"]
+    assert finding.name == "stribeck-range-not-left"
+    assert "faster strokes" in finding.measure
+    left = contradictions([record(2e-4)])
+    assert "stribeck-range-not-left" not in [each.name for each in left]
+
+
+def test_a_reference_of_the_wrong_sign() -> None:
+    log = axis.simulate(4.0)
+    record = Record("axis", log.t, q=log.q, reference=-log.r, force=log.force)
+    (finding,) = contradictions([record])
+    assert finding.name == "reference-opposed"
+    assert "Set sign = -1 for the reference" in finding.measure
+    assert contradictions([replace(record, reference=log.r)]) == ()
+
+
 @pytest.mark.parametrize(("part", "names"), [(0.5e-3, ["no-dry-friction"]), (2e-3, [])])
 def test_a_record_without_dry_friction(part: float, names: list[str]) -> None:
     t = np.arange(0.0, 1.0, 1e-3)

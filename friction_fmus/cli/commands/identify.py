@@ -104,9 +104,9 @@ def run(options: argparse.Namespace) -> int:
             raise FrictionError(f"{data} shows friction over velocity only; choose static models, such as Stribeck")
     about = () if measurement.static else (*examine_segments(train), *contradictions(train), stuck(train))
     findings = (*measurement.findings, *(finding for finding in about if finding is not None))
-    wrong = [finding.name for finding in findings if finding.name in FORBIDDING]
-    if not measurement.static and not wrong:
+    if not measurement.static and not any(finding.name in FORBIDDING for finding in findings):
         findings += plant_findings(measurement.records)[0]
+    wrong = [finding.name for finding in findings if finding.name in FORBIDDING]
     tables.show_data(train, validation, findings)
     task = IdentificationTask(
         train,
