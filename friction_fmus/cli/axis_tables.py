@@ -68,7 +68,7 @@ def show_first_look(records: Sequence[Record]) -> None:
             for name, e in found.items()
         )
         Fv = found["Fv"]
-        doubt = "" if Fv.value > -2.0 * Fv.standard_error else "; Fv < 0: beyond these speeds, Fv and Fc are others"
+        doubt = "" if Fv.value > -2.0 * Fv.standard_error else "; Fv < 0: do not use Fv and Fc at other speeds"
         console.print(styled(("first look", "bold"), f" (least squares over sliding): {values}{doubt}"), soft_wrap=True)
 
 

@@ -15,6 +15,7 @@ from thorough import nightly, some
 
 from friction_fmus.__main__ import main
 from friction_fmus.axis.servo import Servo
+from friction_fmus.cli.axis_tables import show_first_look
 from friction_fmus.data import load_emps
 from friction_fmus.identification import Record
 from friction_fmus.identification.force_findings import contradictions, drive_balance, drive_equations
@@ -193,7 +194,7 @@ def test_pulses_that_the_recorded_force_does_not_contain(height: float, name: st
     assert contradictions([replace(record, injected=log.injected)]) == ()
 
 
-def test_strokes_within_the_stribeck_range() -> None:
+def test_strokes_within_the_stribeck_range(capsys: pytest.CaptureFixture[str]) -> None:
     """Friction 20 N + 10 N exp(-(v/vs)^2) + 40 N.s/m v of 12 kg, in closed form along a motion of 5 mm/s."""
     t = 1e-3 * np.arange(20000.0)
     w = 2.0 * np.pi * 0.4
@@ -207,6 +208,8 @@ def test_strokes_within_the_stribeck_range() -> None:
     (finding,) = [each for each in contradictions([record(6e-3)]) if each.name != "mass-not-identified"]
     assert finding.name == "stribeck-range-not-left"
     assert "faster strokes" in finding.measure
+    show_first_look([record(6e-3)])
+    assert "do not use Fv and Fc at other speeds" in capsys.readouterr().out
     left = contradictions([record(2e-4)])
     assert "stribeck-range-not-left" not in [each.name for each in left]
 
