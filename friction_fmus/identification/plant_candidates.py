@@ -220,7 +220,7 @@ def _explained(Q: Array, y: Array, columns: Array) -> float:
 
 
 def _line(Q: Array, y: Array, t: Array, frequency: float) -> tuple[float, float]:
-    """Return the part of y beside Q that a sine over time explains, and its ratio to the part of sines by parts."""
+    """Return the part of y beside Q that a sine over time explains, and its ratio to that of one sine for each part."""
     wave, at = _wave(t, frequency), np.digitize(t, np.linspace(t[0], t[-1], CYCLES + 1)[1:-1])
     whole = _explained(Q, y, wave)
     return whole, whole / max(_explained(Q, y, np.hstack([wave * (at == i)[:, None] for i in range(CYCLES)])), TINY)
