@@ -211,6 +211,7 @@ class Batch:
             for _ in range(count):
                 self._engines.append(_Engine(pickle.loads(pickle.dumps(whole)), experiment, self.inputs, self.outputs))
             self._begin()
+            self._compile()
         except BaseException:
             self.close()
             raise

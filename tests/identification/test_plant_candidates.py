@@ -154,6 +154,7 @@ def test_a_periodic_force_from_outside(frequency, size, name):
     assert amplitude == pytest.approx(size, rel=0.05)
 
 
+@landing
 def test_a_drift_beside_a_periodic_force_from_outside():
     record = simulate(Axis(noise=0.5, drift=-0.4, outside=(20.0, 1.3)), moves(T))
     assert [each.name for each in plant_findings([record])[0]] == ["missing-force", "friction-drifts"]
@@ -166,6 +167,7 @@ def test_a_periodic_force_in_segments_of_a_log():
     assert numbers_of(finding.what) == pytest.approx([1.3, 20.0], rel=0.05)
 
 
+@landing
 def test_a_ripple_at_one_speed_is_cogging():
     """After 2 s at one speed, the force is periodic in time, too: 12 kg, 18 N, 45 N.s/m, 10 N over 24 mm."""
     w, shakes = 4.0 * np.pi, T < 2.0
