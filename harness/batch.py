@@ -299,7 +299,7 @@ class Batch:
         return self.values
 
     def _compile(self) -> None:
-        """Compile the engines once that pays."""
+        """Compile the loop of each engine as soon as the steps so far make it worth while."""
         if pays(self._engine, self._taken):
             for engine in self._engines:
                 engine.compile(required=self._engine == "compiled")

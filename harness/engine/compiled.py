@@ -21,7 +21,7 @@ from harness.system.plan import GET, SET, STEP
 _LOG = logging.getLogger("harness")
 
 WORTH: Final = 1_000_000_000
-"""Steps of parts that are worth a compilation of 2 to 3 s: each is some 9 ns shorter."""
+"""Steps of parts that are worth a compilation of 2 to 4 s: each is some 9 ns shorter."""
 
 
 def check_engine(engine: str) -> None:

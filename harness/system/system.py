@@ -416,7 +416,7 @@ class System:
             required accuracy relative to the range of each variable, instead of 0.01. See `run_with_accuracy` for the
             result.
         engine : {"auto", "general", "compiled"}
-            Whether the loop over the communication steps is compiled for this system, which takes 2 to 3 s; the results
+            Whether the loop over the communication steps is compiled for this system, which takes 2 to 4 s; the results
             are the same, bit for bit. Possible for blocks and laws of this project as FMI 2.0 FMUs with the master
             gauss-seidel. "auto" compiles from 1e9 steps of parts on, where possible.
 
