@@ -323,7 +323,7 @@ def assemble(block: Block, sources: Mapping[str, str]) -> bytes:
         native.write_bytes(members[place])
         description = describe(native, computed(block))
     _check_start_values(block, description)
-    connected = terminals(description)
+    connected = terminals(description, block.kind)
     icons = {"icon": icon_files(block), **{each.shape: drawn(each.shape) for each in connected}}
     for name, files in icons.items():
         members |= {f"terminalsAndIcons/{name}{file.suffix}": file.read_bytes() for file in files}

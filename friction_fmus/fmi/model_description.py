@@ -1,7 +1,7 @@
 """modelDescription.xml, units and terminals of a block (FMI 2.0.5, section 2.2), from the row table of its binary."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from types import MappingProxyType
@@ -87,7 +87,8 @@ FLANGES = (
     ("v", "F_drive", "inflow"),
 )
 """Velocity and force of a flange, and the direction of the force. The first pair with an input and an output in the
-block counts. F flows into a friction model; F_friction flows out of a mass, and other forces flow into it. The forces
+block counts; the first of all is for friction only, as F of a motor drives a mass. F flows into a friction model;
+F_friction flows out of a mass, and other forces flow into it. The forces
 at a connection thus add up to zero, and a mass can have several contacts."""
 
 SIDES = (("flange", ""), ("flange_a", "1"), ("flange_b", "2"))
@@ -140,15 +141,15 @@ class Terminal:
         return SHAPES[self.domain]
 
 
-def terminals(description: Description) -> tuple[Terminal, ...]:
-    """Return the flanges and references of a block, found by the names of its inputs and outputs."""
+def terminals(description: Description, kind: str) -> tuple[Terminal, ...]:
+    """Return the flanges and references of a block of this kind, found by the names of its inputs and outputs."""
     ports = {v.name: v for v in description.variables if v.role in (INPUT, OUTPUT, STATE_OUTPUT)}
-    return tuple(chain(_flanges(ports), _references(ports)))
+    return tuple(chain(_flanges(ports, FLANGES if kind == "friction" else FLANGES[1:]), _references(ports)))
 
 
-def _flanges(ports: Mapping[str, BlockVariable]) -> Iterator[Terminal]:
+def _flanges(ports: Mapping[str, BlockVariable], pairs: Sequence[tuple[str, str, str]]) -> Iterator[Terminal]:
     for name, side in SIDES:
-        for velocity, force, direction in FLANGES:
+        for velocity, force, direction in pairs:
             v, F = ports.get(velocity + side), ports.get(force + side)
             if v and F and (v.role == INPUT) != (F.role == INPUT):
                 members = Member("v", v.name), Member("F", F.name, direction)

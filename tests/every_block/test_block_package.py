@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import zipfile
 from collections.abc import Mapping, Sequence
-from itertools import chain, repeat
+from itertools import chain, product
 from pathlib import Path
 
 import fmpy
@@ -23,16 +23,20 @@ from friction_fmus import catalogue
 from harness.compiling import toolchain
 
 PACKAGER = {"block_rows", "block_evaluate", "blockDirect"}  # blockDirect: for the harness, see direct.h
-SI = {  # unit -> exponents of kg, m, s, rad
-    "kg": (1, 0, 0, 0),
-    "m": (0, 1, 0, 0),
-    "s": (0, 0, 1, 0),
-    "rad": (0, 0, 0, 1),
-    "Hz": (0, 0, -1, 0),
-    "N": (1, 1, -2, 0),
-    "J": (1, 2, -2, 0),
-    "W": (1, 2, -3, 0),
-    "1": (0, 0, 0, 0),
+BASE = ("kg", "m", "s", "rad", "A")
+SI = {  # unit -> exponents of BASE
+    "kg": (1, 0, 0, 0, 0),
+    "m": (0, 1, 0, 0, 0),
+    "s": (0, 0, 1, 0, 0),
+    "rad": (0, 0, 0, 1, 0),
+    "A": (0, 0, 0, 0, 1),
+    "Hz": (0, 0, -1, 0, 0),
+    "N": (1, 1, -2, 0, 0),
+    "J": (1, 2, -2, 0, 0),
+    "W": (1, 2, -3, 0, 0),
+    "V": (1, 2, -3, 0, -1),
+    "Ohm": (1, 2, -3, 0, -2),
+    "1": (0, 0, 0, 0, 0),
 }
 
 
@@ -41,7 +45,7 @@ def exponents(unit: str) -> tuple[int, ...]:
     above, *below = unit.split("/")
     assert len(below) <= 1, unit
     below = [re.sub(r"^\((.*)\)$", r"\1", part) for part in below]
-    total = np.zeros(4, int)
+    total = np.zeros(len(BASE), int)
     for sign, part in [(1, above), *((-1, part) for part in below)]:
         for factor in part.split("."):
             name, power = re.fullmatch(r"([A-Za-z]+|1)(-?\d*)", factor).groups()
@@ -145,7 +149,7 @@ def test_units_are_defined_and_right(library: Library, xml: etree._Element) -> N
     for v in library.variables.values():
         if v.unit is not None:
             base = defined[v.unit]
-            found = tuple(int(base.get(name, "0")) for name in ("kg", "m", "s", "rad"))
+            found = tuple(int(base.get(name, "0")) for name in BASE)
             assert found == exponents(v.unit), v.name
             assert float(base.get("factor", "1")) == 1.0 and float(base.get("offset", "0")) == 0.0
     used = {v.unit for v in library.variables.values()}
@@ -156,7 +160,7 @@ def test_a_derivative_has_the_unit_of_its_state_per_second(library: Library) -> 
     for v in library.variables.values():
         if v.derivative is not None:
             state, rate = exponents(v.derivative.unit or "1"), exponents(v.unit or "1")
-            assert rate == (*state[:2], state[2] - 1, state[3]), v.name
+            assert rate == (*state[:2], state[2] - 1, *state[3:]), v.name
             assert v.name == f"der({v.derivative.name})"
 
 
@@ -226,11 +230,20 @@ def another_value(library: Library, name: str, draw: random.Random) -> float:
 
 @one_of_each
 def test_every_parameter_matters(library: Library) -> None:
-    """Two runs that differ in this parameter alone differ in an output; steps of few samples are tried first."""
-    draw, given = random.Random(1), signals(library, 1, 25)
+    """Two runs that differ in this parameter alone differ in an output; steps of few samples are tried first.
+
+    The inputs are of their usual sizes, then of any smaller ones.
+    """
+    draw, usual = random.Random(1), signals(library, 1, 25)
+    small = [
+        [{key: value * 10.0 ** draw.uniform(-8.0, 0.0) for key, value in row.items()} for row in usual]
+        for _ in range(10)
+    ]
     for name in library.names("parameter"):
-        tries = chain(repeat(30.0, 300), repeat(np.inf, 1000))
-        assert any(_outputs_differ(library, name, draw, given, most) for most in tries), f"{name} changes nothing"
+        tries = chain(product([30.0], [usual] * 300), product([np.inf], [usual] * 1000 + small * 100))
+        assert any(_outputs_differ(library, name, draw, given, most) for most, given in tries), (
+            f"{name} changes nothing"
+        )
 
 
 def _outputs_differ(
