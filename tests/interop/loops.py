@@ -32,6 +32,7 @@ CHANGED = {
     "mass.k": 500.0,
     "reference.j_max": 40.0,
     "friction.Fc": 0.9,
+    "load.base": 1.5,
     "first.amplitude": 0.1,
     "first.mode": 3,
     "first.periodic": 0,
@@ -62,7 +63,11 @@ FEEDS = {
 }
 """Port -> outputs that may drive it; the first that the loop has does."""
 
-FRICTION_FEEDS = {"v": ("mass.v_rel", "mass.v2", "mass.v"), "F_ext": ("mass.F_ext", "mass.F_ext2")}
+FEEDS_OF = {
+    "friction": {"v": ("mass.v_rel", "mass.v2", "mass.v"), "F_ext": ("mass.F_ext", "mass.F_ext2"), "Fn": ("load.Fn",)},
+    "sensor": {"u": ("mass.x",)},
+}
+"""The same for the ports of one part."""
 
 
 @cache
@@ -175,7 +180,7 @@ def closed_loop(block: str, find: Callable[[str], Path], others: Mapping[str, st
     wires, start = [], {}
     for part, fmu in fmus.items():
         inputs = ports(fmu, "input")
-        feeds = FEEDS | FRICTION_FEEDS if part == "friction" else FEEDS
+        feeds = FEEDS | FEEDS_OF.get(part, {})
         if part == "mass":  # the drive goes to what there is for it
             feeds = feeds | {next(p for p in ("F_drive", "F_ext", "F_load") if p in inputs): FEEDS["F_drive"]}
         for port in inputs:
