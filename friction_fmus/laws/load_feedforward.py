@@ -47,7 +47,8 @@ def load_feedforward(
         G  = G_sin sin(2 pi r/pitch) + G_cos cos(2 pi r/pitch) + offset
         u  = clip(m rdd + G, u_min, u_max)
         b  = a_external G + a_drive (G + m_moved rdd + Fv rd)
-        y  = (b + a_drive s Fc) / (1 - a_drive s sgn(b + a_drive s Fc)),   s = sgn(rd), 0 for |rd| <= v_rest
+        y  = (b + a_drive s Fc) / (1 - a_drive s sgn(b + a_drive s Fc))
+        s  = sgn(rd), 0 for |rd| <= v_rest
         Fn = Fc + |y|
 
     The load is that of the block TransmissionLoad with base = Fc, Duclusaud, Passault, Padois, Ly, IEEE International
