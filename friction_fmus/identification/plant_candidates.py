@@ -47,6 +47,7 @@ SLOW: Final = SPEEDS[1]  # speed over the largest one below which the axis may s
 PRESLIDING: Final = (1e-4, 2.5e-4, 6e-4, 1.5e-3, 4e-3, 1e-2, 2.5e-2)  # break-away distances of elements, over stroke
 PROMISING, EXPLAINED = 0.85, 0.6  # parts of the residual that a second mass may leave after the first and last search
 LIGHTEST: Final = 0.1  # part of the moved mass below which a second mass is not one
+AWAY: Final = 0.02  # part by which a frequency misses the minimum that its slope shows, above which it is not certain
 DAMPED: Final = 0.25  # damping ratio above which a second mass does not resonate
 ALIKE: Final = 1.05  # what friction that differs between parts leaves, without and with a drift, if there is none
 PARTS: Final = 16  # parts of the record between which the friction may differ
@@ -555,6 +556,8 @@ def _of_second_mass(balance: ForceBalance, second: SecondMass) -> Iterator[tuple
     whole = np.hstack([balance.base, second.columns])
     own = balance.base.shape[1]
     theta, C, _ = balance.fitted(whole)
+    # the search has ended far from where its slopes point: noise of the position counts for more than they
+    away = abs(theta[own + 2]) > max(AWAY, 3.0 * sqrt(C[own + 2, own + 2]))
     # without slopes that hardly have an effect, as of a load without friction, along which a step would be too far
     while np.max(np.diag(C)[own + 3 :], initial=0.0) > 1.0:
         whole = np.delete(whole, own + 3 + np.argmax(np.diag(C)[own + 3 :]), axis=1)
@@ -563,9 +566,13 @@ def _of_second_mass(balance: ForceBalance, second: SecondMass) -> Iterator[tuple
     if min(motor, load) <= 0.0:
         return
     u = balance.records[0].units.words
+
+    def shown(value: float, error: float) -> str:
+        return f"about {value:.2g}" if away else f"{value:.3g} ± {error:.1g}"
+
     what = (
-        f"The {u.mass} is in two parts, {motor:.3g} ± {errors[0]:.1g} {u.kg} at the motor and {load:.3g} ± "
-        f"{errors[own]:.1g} {u.kg} behind "
+        f"The {u.mass} is in two parts, {shown(motor, errors[0])} {u.kg} at the motor and {shown(load, errors[own])} "
+        f"{u.kg} behind "
     )
     if gap:
         what += f"a backlash of about {gap:.2g} {u.m}."
@@ -579,7 +586,7 @@ def _of_second_mass(balance: ForceBalance, second: SecondMass) -> Iterator[tuple
     low, high = w / (2.0 * pi), flexible.resonance
     rubs = f", and friction of {friction:.3g} {u.N} behind it" if behind > 0.05 else ""
     what += (
-        f"a spring{rubs}: resonance at {high:.3g} Hz, antiresonance at {low:.3g} ± {low * errors[own + 2]:.1g} Hz with "
+        f"a spring{rubs}: resonance at {high:.3g} Hz, antiresonance at {shown(low, low * errors[own + 2])} Hz with "
         f"a damping ratio of {D:.2g}."
     )
     change = f"Set resonance = [{high:.3g}] in [axis]; results for a rigid {u.mass} hold only well below {low:.3g} Hz."
