@@ -105,7 +105,7 @@ def _read(handle: ctypes.CDLL) -> tuple[BlockVariables, int]:
     for row in rows[: count.value]:
         name, unit, text = row.name.decode(), row.unit.decode(), row.text.decode()
         if row.role == DERIVATIVE:
-            unit, text = _per_second(unit), f"time derivative of the {text}"
+            unit, text = _per_second(unit), f"time derivative of the {text.partition(';')[0]}"
         for k in range(max(row.length, 1)):
             element = _element(name, k) if row.length else name
             start = row.starts[k] if row.starts else row.start
