@@ -259,7 +259,7 @@ def build_record(
             "A record needs finite values at strictly increasing times; sort the samples and remove missing values"
         )
     rows = "".join("    {" + ", ".join(repr(float(value)) for value in row) + "},\n" for row in table)
-    text = f"/* t [s], r [m], rd [m/s], rdd [m/s2] */\nstatic const double series[][4] = {{\n{rows}}};\n"
+    text = f"/* t, r, rd, rdd in SI units */\nstatic const double series[][4] = {{\n{rows}}};\n"
     return build("Record", out_dir, name=name, files={"series.h": text}, domain=domain)
 
 

@@ -202,15 +202,13 @@ def _terminal(parent: etree._Element, terminal: Terminal, x: int, y: int) -> Non
     for member in terminal.members:
         attributes = {"variableName": member.variable, "memberName": member.name, "variableKind": member.kind}
         etree.SubElement(element, "TerminalMemberVariable", attributes)
+    corners = {"x1": str(x - 10), "y1": str(y - 10), "x2": str(x + 10), "y2": str(y + 10)}
     etree.SubElement(
         element,
         "TerminalGraphicalRepresentation",
+        corners,
         defaultConnectionColor=COLOURS[terminal.shape],
         defaultConnectionStrokeSize="2",
-        x1=str(x - 10),
-        y1=str(y - 10),
-        x2=str(x + 10),
-        y2=str(y + 10),
         iconBaseName=terminal.shape,
     )
 
