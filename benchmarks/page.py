@@ -82,6 +82,9 @@ a step of the servo, it measures coupling errors for 15 ns and checks results fo
 of the rest are the equations of the blocks. Under `newton` compiling
 gains nothing and is not offered: the solver calls the blocks from many places, which cannot all be inlined.
 
+One FMU is called through FMI, and copies its state before each communication step, so that a refused step changes
+nothing. With ten inner steps in a communication step, both hardly count.
+
 The servo of a batch is a PD controller at 10 kHz, a mass and LuGre friction, in steps of 0.1 ms, of which each call
 makes ten. MuJoCo has it as a joint with a DC motor, whose LuGre friction it integrates, and an actuator with the
 controller; its threaded rollout gets the whole reference in one call. Errors are the largest ones of x over its range,

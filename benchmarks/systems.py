@@ -49,6 +49,7 @@ GMS = (1.0, 1.5, 1e-3, 2.0, 100.0, 0.4, 10.0, *ELEMENTS, *(10 * (0.1,)))
 AXIS = Path(__file__).parents[1] / "examples" / "compensated_axis.toml"
 
 PULLED = {"mass.F_drive": 0.0, "mass.k": 2.0, "mass.v_support": 0.1}
+INNER = 10  # inner steps of one FMU in a communication step, where it has more than one
 BY_HAND = {"gauss-seidel": 1e-7, "newton": 1e-9}  # difference of positions [m]
 
 KP, KD = 12e3, 190.0
@@ -138,14 +139,16 @@ def compared(
     SystemExit
         If one of them computes something else.
     """
-    times: dict[str, list[float]] = {"direct": [], "fmi": [], "compiled": [], "one": [], "newton": [], "hand": []}
+    kinds = ("direct", "fmi", "compiled", "one", "newton", "hand", "ten", "newton_ten")
+    times: dict[str, list[float]] = {kind: [] for kind in kinds}
     explicit = "master" not in settings
+    step = settings["step"]
     implicit = {**settings, "master": "newton"}
     path = folder / f"{title.replace('-', '_').replace(' ', '_')}.fmu"
     with make() as system, make() as plain:
-        system.to_fmu(path, outputs=[record], inputs=[], step=settings["step"], master="newton")
+        system.to_fmu(path, outputs=[record], inputs=[], step=step, master="newton")
         with functions_of_fmi():
-            plain.run(stop=settings["step"], **settings)
+            plain.run(stop=step, **settings)
         with System([FmuPart("one", path)]) as one:
             for _ in range(rounds):
                 taken, x = engine_time(system, n, record, **settings)
@@ -157,9 +160,13 @@ def compared(
                     times["compiled"].append(taken)
                 taken, x_newton = engine_time(system, n, record, **implicit)
                 times["newton"].append(taken)
-                taken, x_one = engine_time(one, n, f"one.{record}", step=settings["step"])
+                taken, x_one = engine_time(one, n, f"one.{record}", step=step)
                 times["one"].append(taken)
-                same = np.array_equal(x, x_fmi) and np.array_equal(x_newton, x_one)
+                taken, x_tenth = engine_time(system, n, record, **implicit, decimate=INNER)
+                times["newton_ten"].append(taken)
+                taken, x_ten = engine_time(one, n // INNER, f"one.{record}", step=INNER * step)
+                times["ten"].append(taken / INNER)
+                same = np.array_equal(x, x_fmi) and np.array_equal(x_newton, x_one) and np.array_equal(x_ten, x_tenth)
                 if not same or (explicit and not np.array_equal(x, x_compiled)):
                     raise SystemExit(f"{title}: they compute different values")
                 if by_hand is not None:
@@ -179,6 +186,8 @@ def compared(
         rows += ratio_rows(f"{title}: compiled / engine", times["compiled"], times["direct"], 0.6)
         rows += ratio_rows(f"{title}: compiled / C by hand", times["compiled"], times["hand"], 1.3)
     rows += ratio_rows(f"{title}: one FMU / engine, both newton", times["one"], times["newton"], 1.0)
+    longer = f"{title}: one FMU / engine, {INNER} inner steps in a communication step"
+    rows += ratio_rows(longer, times["ten"], times["newton_ten"], 1.0)
     return rows
 
 

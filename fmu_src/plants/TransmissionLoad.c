@@ -2,11 +2,12 @@
    models M1 to M6 of the source but the viscous one, which the contact has itself.
 
        Fn = base + |a_external F_external - a_drive F_drive|
-            + s(v) (at_rest + |b_external F_external - b_drive F_drive| + quadratic),   s(v) = exp(-|v/vs|^delta)
+          + s(v) (at_rest + |b_external F_external - b_drive F_drive| + quadratic)
+       s(v) = exp(-|v/vs|^delta)
 
        quadratic = c_external F_external^2   if |F_external| < |F_drive|
        quadratic = c_drive F_drive^2         if |F_external| > |F_drive|
-       quadratic = 0                         if they are equal, or both have the same direction
+       quadratic = 0                         if they are equal or of the same sign
 
    Connect Fn to a contact that has a friction of 1 N at Fn0 = 1 N. The friction of Stribeck with Fc = Fs = 1 N is then
    Fn sign(v) + Fv v, and at most Fn at rest: M1 has base and Fv; M2 also at_rest; M3 base, Fv and a_external = a_drive;

@@ -5,7 +5,7 @@
    polynomial of fifth order, whose first two derivatives are zero at its ends, as in Biagiotti, Melchiorri: Trajectory
    Planning for Automatic Machines and Robots, Springer 2008.
 
-       angle = start_angle + direction p / radius,   direction = 1, or -1 if clockwise
+       angle = start_angle + direction p / radius, direction 1, or -1 if clockwise
        x = x_centre + radius cos(angle),   y = y_centre + radius sin(angle)
        dp/dt = V b(s / T),   b(u) = 10 u^3 - 15 u^4 + 6 u^5
        T = t_ramp, s = time since t_start

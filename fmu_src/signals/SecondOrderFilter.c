@@ -3,7 +3,8 @@
    Bilinear transform with prewarping at f; Franklin, Powell, Emami-Naeini: Feedback Control of Dynamic Systems, 8th
    ed., 2019.
 
-       y/u = (high p^2 + 2 zeta band p + low)/(p^2 + 2 zeta p + 1),   p = (z - 1)/(z + 1)/tan(pi f Ts)
+       y/u = (high p^2 + 2 zeta band p + low)/(p^2 + 2 zeta p + 1)
+       p   = (z - 1)/(z + 1)/tan(pi f Ts)
 
    The start values give a low-pass filter. low = high = 1 is a notch filter, of which band is the gain at f. Before the
    first sample, u is assumed to have been constant, so that a constant u passes without a transient.

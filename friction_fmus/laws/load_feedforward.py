@@ -47,7 +47,8 @@ def load_feedforward(
         G  = G_sin sin(2 pi r/pitch) + G_cos cos(2 pi r/pitch) + offset
         u  = clip(m rdd + G, u_min, u_max)
         b  = a_external G + a_drive (G + m_moved rdd + Fv rd)
-        y  = (b + a_drive s Fc) / (1 - a_drive s sgn(b + a_drive s Fc)),   s = sgn(rd), 0 for |rd| <= v_rest
+        y  = (b + a_drive s Fc) / (1 - a_drive s sgn(b + a_drive s Fc))
+        s  = sgn(rd), 0 for |rd| <= v_rest
         Fn = Fc + |y|
 
     The load is that of the block TransmissionLoad with base = Fc, Duclusaud, Passault, Padois, Ly, IEEE International
@@ -67,7 +68,8 @@ def load_feedforward(
     contact and a friction that falls with velocity load it by their own force, too, of which only Fv is considered.
     u_min must not exceed u_max.
     """
-    angle = 2.0 * pi * (r / pitch - floor(r / pitch))
+    turns = r / pitch
+    angle = 2.0 * pi * (turns - floor(turns + 0.5))  # near 0 for a position near 0, which a float then resolves
     G = G_sin * sin(angle) + G_cos * cos(angle) + offset
     way = direction(rd, v_rest)
     b = a_external * G + a_drive * (G + m_moved * rdd + Fv * rd)

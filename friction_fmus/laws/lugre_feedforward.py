@@ -73,7 +73,8 @@ def lugre_feedforward(
         dr    = r - last,   w = dr / Ts,   last: reference in the previous sample
         t     = sgn(dr) g(w) / sigma0
         z     becomes t + (z - t) exp(-sigma0 |dr| / g(w))
-        F_hat = (sigma0 z + sigma1(rd) (rd - sigma0 |rd| z/g(rd))) max(Fn, 0)/Fn0 + sigma2 rd
+        F_hat = (sigma0 z + sigma1(rd) (rd - sigma0 |rd| z/g(rd))) max(Fn, 0)/Fn0
+                + sigma2 rd
         sigma1(v) = sigma1 exp(-(v/v_d)^2) if v_d > 0, else sigma1
         u     = clip(m rdd + gain F_hat, u_min, u_max)
 

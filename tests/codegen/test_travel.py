@@ -68,7 +68,7 @@ def outputs(name: str, real: Literal["double", "float"], folder: Path) -> dict[t
     return found
 
 
-@pytest.mark.parametrize("name", some(WITH_POSITION, WITH_POSITION[::16]))
+@pytest.mark.parametrize("name", some(WITH_POSITION, [*WITH_POSITION[::16], "LoadFeedforward"]))
 def test_float_is_double_over_the_travel(name: str, tmp_path: Path) -> None:
     expected, found = outputs(name, "double", tmp_path), outputs(name, "float", tmp_path)
     for case, results in expected.items():

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from every_block import test_block_package as package
 from every_block import test_block_steps as steps
+from every_block import test_refused_calls as refused
 from every_block.test_block_derivatives import (  # noqa: F401
     test_asking_for_directional_derivatives_changes_nothing,
     test_asking_for_output_derivatives_changes_nothing,
@@ -64,12 +65,11 @@ from every_block.test_block_values import (  # noqa: F401
     test_values_outside_their_limits_are_discarded,
     test_what_was_set_is_read_back,
 )
-from every_block.test_refused_calls import test_results_that_are_not_finite_change_nothing  # noqa: F401
 from lxml import etree
 from shell.fixtures import instance, running, situation  # noqa: F401
 from shell.instance import Instance, Library, load, signals
 from shell.selection import COMPOSITES
-from thorough import nightly, some
+from thorough import landing, nightly, some
 
 
 @pytest.fixture(params=some(COMPOSITES, COMPOSITES[:1]))
@@ -84,6 +84,13 @@ def test_extreme_finite_values_are_computed_or_refused_but_never_give_nan(librar
     steps.test_extreme_finite_values_are_computed_or_refused_but_never_give_nan(library)
 
 
+@landing
+def test_results_that_are_not_finite_change_nothing(library: Library, situation: str) -> None:  # noqa: F811
+    """Values of any size make inner steps long."""
+    refused.test_results_that_are_not_finite_change_nothing(library, situation)
+
+
+@landing
 @pytest.mark.parametrize("library", COMPOSITES[:1], indirect=True)
 def test_every_parameter_matters(library: Library) -> None:
     """Of the small one: the search for values with an effect takes minutes for the servo."""

@@ -15,7 +15,7 @@ from pathlib import Path
 import fmpy
 import pytest
 import yaml
-from thorough import nightly
+from thorough import landing, nightly
 
 from friction_fmus import build, fmu
 from friction_fmus.__main__ import main
@@ -288,6 +288,7 @@ def test_tests_that_are_named_are_there(page: Path) -> None:
     assert [path for path in named if not (ROOT / path).exists()] == []
 
 
+@landing
 def test_sentences_are_not_those_of_another_language(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(Path(__file__).parent)
     assert importlib.import_module("wording").candidates() == []

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
-from thorough import some
+from thorough import landing, some
 
 from harness import AlgebraicLoopError, Experiment, ExperimentError, FmuPart, System, sweep
 from harness.errors import FmuError
@@ -210,6 +210,7 @@ def test_a_loop_of_booleans_has_no_solution(foreign: MakeFmu, master: str) -> No
     assert "newton" not in str(caught.value)
 
 
+@landing
 def test_a_sweep_of_the_pair(pythonfmu: MakeFmu, tmp_path: Path) -> None:
     parts = [FmuPart(name, pythonfmu(name)) for name in ("prey", "predator")]
     samples = [{"prey.birth": birth, "prey.species": name} for birth, name in ((0.9, "hare"), (1.3, "rabbit"))]

@@ -48,6 +48,7 @@ def test_gravity_and_load_are_found_and_nothing_else(record: Record) -> None:
     assert float(np.std(error)) < 0.05 * float(np.std(record.column("force")))
 
 
+@landing
 def test_an_arm_without_terms_has_none() -> None:
     found = identify("Stribeck", thinned(moved(drawn(0), 0)), terms="auto")
     assert not {"G_sin", "a", "direction", "drift"} & found.values().keys()

@@ -132,6 +132,7 @@ def test_a_record_without_position_gets_none(record: Record) -> None:
     assert result.position is None
 
 
+@landing
 def test_emps_is_predicted_to_two_percent_on_data_not_fitted() -> None:
     """An independent table for each direction, fitted to the first half, left 2.1 % (4.1 % without)."""
     record = load_emps()

@@ -26,8 +26,8 @@ LAWS = {law.name: law for law in discover_laws(laws_folder())}
 BLOCKS = [*LAWS, *(block.name for block in catalogue().values() if block.kind == "compensator" and not block.is_law)]
 PASSES = {"Prefilter", "PreviewPrefilter", "InverseDynamics"}
 """Laws that pass their reference on while disabled: these outputs are held."""
-NOT_ZERO = {"theta": 1.0, "theta_0": 1.0, "theta_1": 1.0, "theta_2": 1.0, "Fc_hat": 1.0, "Fv_hat": 0.4}
-"""Start values of estimates, which are parameters."""
+NOT_ZERO = {"theta": 1.0, "theta_0": 1.0, "theta_1": 1.0, "theta_2": 1.0, "Fc_hat": 1.0, "Fv_hat": 0.4, "Fn": 1.0}
+"""Start values of estimates, which are parameters, and the normal force without load."""
 KEPT = {"rms", "trial", "pulses", "line", "seen", "missed"}
 """What is not set back: counts, and the references of the past."""
 Ts = 1e-3

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import rumoca
 from modelica.library import Library
-from thorough import nightly
+from thorough import landing, nightly
 
 from friction_fmus.blocks.catalogue import catalogue, source_folder
 from friction_fmus.blocks.macros import table
@@ -119,6 +119,7 @@ equation
 end Test;""")
 
 
+@landing
 def test_the_command_writes_the_library(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["export", "--to", "modelica", "-o", str(tmp_path / "new")]) == 0
     folder = tmp_path / "new" / "FrictionFMUs"

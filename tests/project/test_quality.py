@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from thorough import nightly
+from thorough import landing, nightly
 
 ROOT = Path(__file__).parents[2]
 
@@ -23,6 +23,7 @@ def own_statements(function: ast.FunctionDef) -> Iterator[ast.AST]:
             waiting += ast.iter_child_nodes(node)
 
 
+@landing
 def test_no_test_returns_early_and_counts_as_passed() -> None:
     """Give a test only the cases that it is for, by its parameters."""
     found = []
