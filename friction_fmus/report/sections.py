@@ -90,8 +90,8 @@ def compensator_plots(study: StudyResult) -> dict[str, Plot]:
     if not rows:
         return plots
     unit, factor = error_unit(study)
-    plots["tradeoffs"] = _tradeoffs(study, rows, unit, factor)
-
+    if any(row.worst is not None for row in rows):
+        plots["tradeoffs"] = _tradeoffs(study, rows, unit, factor)
     errors = {label(row.name): row.error for row in rows if row.error is not None}
     if errors:
         drawn = dict(list(errors.items())[: FIRST + 1])
