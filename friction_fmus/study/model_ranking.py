@@ -423,7 +423,7 @@ def refine(
     if not unfitted or (load is not None and found.error is None):
         return found
     free = [p for p in found.row.parameters if p.determined]
-    free = [p for p in free if (p.value > 0.0 and p.name not in VALUES - {"a"}) or p.name == "OF"]
+    free = [p for p in free if (p.value > 0.0 and p.name not in VALUES - found.values.keys()) or p.name == "OF"]
     level = max((found.values.get(name, 0.0) for name in ("Fc", "Fs", "f1")), default=0.0)
     if "M" not in {p.name for p in free} or not level:
         return found

@@ -28,7 +28,8 @@ from harness import Drive, FmuPart, read_ssv
 
 STEP = 1e-3
 Truth = tuple[Record, np.ndarray]
-OTHERS = [name for name in identifiable() if name not in ("LuGre", "Dahl", "Stribeck")]
+OTHERS = [name for name in identifiable() if name not in ("LuGre", "Dahl", "Stribeck", "LoadDependentDahl")]
+"""The last one needs a drive force, see test_transmitted_force.py."""
 
 
 @pytest.fixture(scope="module")
@@ -185,6 +186,31 @@ def test_the_result_becomes_fmu_parameter_set_picture_and_prediction(tmp_path: P
     assert written["sigma"].value == result.values()["sigma"] and written["sigma"].unit == "N/m"
     assert "OF" not in written
     assert result.plot(tmp_path / "contact.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("signal", ["friction", "force"])
+def test_a_parameter_named_as_a_coefficient_of_the_load_is_that_of_the_model(signal: str) -> None:
+    """ResetIntegrator: F = (1 + a) sigma0 z below z0, sigma0 z0 at it; on an axis with a mass too."""
+    t = STEP * np.arange(3000)
+    q = 3e-4 * np.sin(2.0 * np.pi * 0.7 * t) + 1e-4 * np.sin(2.0 * np.pi * 2.3 * t)
+    z, deflection = 0.0, []
+    for step in np.diff(q, prepend=0.0):
+        deflection.append(z := min(max(z + step, -1e-4), 1e-4))
+    at = np.array(deflection)
+    friction = np.where(np.abs(at) < 1e-4, 1.4, 1.0) * 1e5 * at + noise(9, len(t))
+    a = -4.0 * np.pi**2 * (0.49 * 3e-4 * np.sin(1.4 * np.pi * t) + 5.29 * 1e-4 * np.sin(4.6 * np.pi * t))
+    given = {"friction": friction} if signal == "friction" else {"force": friction + 20.0 * a}
+    record = Record("reset", t, q=q, **given)
+    values = identify("ResetIntegrator", record, fixed={"beta": 0.0}, method="output-error").values()
+    assert values["a"] == pytest.approx(0.4, abs=0.01)
+    assert values["sigma0"] == pytest.approx(1e5, rel=0.01)
+    assert values["z0"] == pytest.approx(1e-4, rel=0.01)
+
+
+def test_a_term_with_the_name_of_a_parameter_is_refused() -> None:
+    record = load_emps()
+    with pytest.raises(FitError, match="ResetIntegrator has a parameter a of its own, as load has; omit load"):
+        identify("ResetIntegrator", record, terms=("load",))
 
 
 @pytest.mark.parametrize("model", some(OTHERS, ["GMS", "Stiction"]))

@@ -76,9 +76,10 @@ def test_the_true_parameters_are_found_within_what_the_page_says(outcome: tuple[
     assert "Every estimate is within 3 % of them" in PAGE
     for name, true in TRUE.items():
         assert best["parameters"][name]["value"] == pytest.approx(true, rel=0.03), name
-    # noise of 0.1 N, of which decimation by 10 and a filter at 0.8 of the new Nyquist frequency leave 0.1 sqrt(0.08) N
-    assert best["train"]["rms"] == pytest.approx(0.1 * 0.08**0.5, rel=0.25)
-    assert best["validation"]["rms"] == pytest.approx(0.1 * 0.08**0.5, rel=0.25)
+    # noise of 0.1 N, of which decimation by 5 and a filter at 0.8 of the new Nyquist frequency leave 0.1 sqrt(0.16) N;
+    # beside it the encoder, and reversals between rows that are as far apart as sigma1/sigma0
+    for part in ("train", "validation"):
+        assert 1.0 < best[part]["rms"] / (0.1 * 0.16**0.5) < 1.5
     assert other["validation"]["relative_percent"] > 10.0
     assert set(other["weak"]) >= {"Fs"}
 

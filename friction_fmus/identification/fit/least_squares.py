@@ -118,14 +118,16 @@ class Problem:
         segment, parameters = self.segments[index], self.assemble(self.values(x, None))
         start = {**self.constants, **parameters, **self.states(parameters, self.values(x, index))}
         viscous = self.model is not None and self.model.viscous
-        beside = {"M", "OF", "OF_rate", *(("Fv",) if viscous else ()), *VALUES}
+        terms = VALUES - self.model.parameters.keys() if self.model is not None else VALUES
+        beside = {"M", "OF", "OF_rate", *(("Fv",) if viscous else ()), *terms}
         self.simulations += 1
         own = {name: value for name, value in start.items() if name not in beside}
-        if self.model is not None and not VALUES.isdisjoint(start):
+        if self.model is not None and not terms.isdisjoint(start):
             numbers = {name: float(value) for name, value in start.items()}
             if self.model.transmits:
                 segment = replace(segment, inputs={**segment.inputs, "F_t": numbers.get("gain", 1.0) * segment.drive})
-            load = relative_load(numbers, segment, self.model.level(numbers))
+            of_axis = {name: value for name, value in numbers.items() if name in beside}
+            load = relative_load(of_axis, segment, self.model.level(numbers))
             if load is not None:
                 Fn0 = own["Fn0"] = numbers.get("Fn0", 1.0)
                 segment = replace(segment, inputs={**segment.inputs, "Fn": Fn0 * load})

@@ -39,6 +39,8 @@ def check_terms(
             raise FitError(
                 f"{contact.name} has no input Fn, which {term} changes; use a model with it, or omit {term}."
             )
+        if twice := [name for name in TERMS[term] if name in contact.parameters]:
+            raise FitError(f"{contact.name} has a parameter {twice[0]} of its own, as {term} has; omit {term}.")
     if "temperature" in terms and any(record.temperature is None for record in records):
         raise FitError("The term temperature needs the column temperature; add it, or omit the term.")
     if terms and signal != "force":
@@ -123,7 +125,8 @@ def _possible(data: FitData, term: str) -> bool:
     if term == "temperature" and any(each.record.temperature is None for each in data.segments):
         return False
     turns = term != "gravity" or (data.units.rotary and all(each.record.q is not None for each in data.segments))
-    return turns and (term not in OF_FRICTION or data.model.loaded)
+    own = data.model.parameters.keys() & TERMS[term]
+    return turns and not own and (term not in OF_FRICTION or data.model.loaded)
 
 
 def _chosen(data: FitData, candidates: Sequence[str]) -> tuple[tuple[str, ...], dict[str, float]]:
