@@ -130,8 +130,7 @@ def block_source(
     if not (start or name or files or twin) and (shipped := _shipped(model)):
         return SourceFmu(shipped.stem, shipped.read_bytes(), (), compiling, ((NATIVE,), select(("all",))))
     block = find(model)
-    if twin:
-        block = replace(block, summary=block.rotary_summary, notes=f"{block.notes}\n\n{TWIN}")
+    block = replace(block, summary=block.rotary_summary, notes=f"{block.notes}\n\n{TWIN}") if twin else block
     identifier = name or block.name + ("Rotational" if twin else "")
     start = _in_units(replace(block, code=rotational(block.code)) if twin else block, start or {})
     code = with_start_values(with_room(block, start).code, start)
