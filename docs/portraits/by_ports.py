@@ -293,7 +293,7 @@ def finite_panels(bench: Bench, chosen: Experiment | None) -> tuple[Panel, ...]:
 def experiment(bench: Bench) -> Experiment | None:
     """Return the experiment for a block, or None if there is nothing to show."""
     by_ports: tuple[tuple[bool, Experiment], ...] = (
-        ("v" in bench.inputs and "F" in bench.outputs, friction_panels),
+        (bench.block.kind == "friction" and "v" in bench.inputs and "F" in bench.outputs, friction_panels),
         (bench.has("r", "rd", "x", "u", "F_hat"), tracking),
         (bench.has("F_hat") and (bench.has("v") or bench.has("rd")), estimate),
         (bench.has("r", "x", "u"), held_error),

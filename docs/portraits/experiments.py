@@ -319,6 +319,56 @@ def over_pitch(bench: Bench) -> tuple[Panel, ...]:
     return both_ways(bench, np.linspace(0.0, bench.start("pitch", 1.0), 161), (4.0 * speed_scale(bench),), "u")
 
 
+def over_input(bench: Bench, name: str, reach: float, cases: Mapping[str, Values], caption: str) -> Panel:
+    """Return the first output over an input from -reach to reach, a curve for each case of the other inputs."""
+    x, output = reach * np.linspace(-1.0, 1.0, 201), bench.outputs[0]
+    curves = []
+    for label, held in cases.items():
+        given = {other: np.full(x.size, value) for other, value in held.items()}
+        (found,) = bench.run(bench.start("Ts", 1e-3) * np.arange(x.size), {name: x, **given}, [output])
+        # the output after a step belongs to the input before it
+        curves.append(Curve(x[:-1], found[1:], label))
+    return Panel(tuple(curves), bench.axis(name), bench.axis(output), caption)
+
+
+def motor(bench: Bench) -> tuple[Panel, ...]:
+    """Return the force over the velocity, up to 1.2 times that without load."""
+    cases = {f"duty {duty:g}": {"duty": duty} for duty in (1.0, 0.5, -1.0)}
+    reach = 1.2 * bench.variables["U"].start / bench.start("K", 1.0)
+    return (over_input(bench, "v", reach, cases, "Force over velocity at three duty cycles."),)
+
+
+def lifting(bench: Bench) -> tuple[Panel, ...]:
+    """Return the load of a contact over the force that it holds, in both directions of motion."""
+    cases = {"forward": {"v": 1.0}, "back": {"v": -1.0}}
+    caption = "Load of the contact over the force of the load, in motion forward and back."
+    return (over_input(bench, "F_load", 2.0, cases, caption),)
+
+
+def transmitting(bench: Bench) -> tuple[Panel, ...]:
+    """Return the load of a contact over the force of the drive, and over the velocity."""
+    speed, against = speed_scale(bench), {"F_external": -1.0}
+    cases = {"at rest": {"v": 0.0, **against}, "in motion": {"v": 4.0 * speed, **against}}
+    drive = "Load of the contact over the force of the drive, against a force of 1."
+    velocity = "Load of the contact over velocity, with a drive of 2 against a force of 1."
+    return (
+        over_input(bench, "F_drive", 3.0, cases, drive),
+        over_input(bench, "v", 4.0 * speed, {"": {"F_drive": 2.0, **against}}, velocity),
+    )
+
+
+def arm_ahead(bench: Bench) -> tuple[Panel, ...]:
+    """Return the force and the load over the position of an arm that swings over a turn."""
+    phase, size = np.linspace(0.0, 2.0 * math.pi, 401), 0.5 * bench.start("pitch", 1.0)
+    motion = {"r": size * np.sin(phase), "rd": np.cos(phase), "rdd": -np.sin(phase) / size}
+    u, Fn = bench.run(sample_times(bench, 400), motion, ["u", "Fn"])
+    # the outputs after a step belong to the position before it
+    return tuple(
+        Panel((Curve(motion["r"][:-1], found[1:]),), bench.axis("r"), bench.axis(name), f"{text} over the position.")
+        for name, found, text in (("u", u, "Force"), ("Fn", Fn, "Load of the contact"))
+    )
+
+
 def through_rest(bench: Bench) -> tuple[Panel, ...]:
     """Return the force over the velocity at a position."""
     velocity = 5.0 * bench.start("v_sign", 1e-3) * np.linspace(-1.0, 1.0, 201)
@@ -356,16 +406,20 @@ SHOWN: Final[Mapping[str, Experiment]] = {
     "BurridgeKnopoff": avalanches,
     "Circle": circle,
     "Cogging": ripple,
+    "DCMotor": motor,
     "Differentiator": differentiation,
     "Dither": own_course,
+    "EfficiencyLoad": lifting,
     "FrenkelKontorova": depinning,
     "FrenkelKontorovaTomlinson": towed_to_and_fro,
     "KarnoppMass": pushed_mass,
+    "LoadFeedforward": arm_ahead,
     "Mass": push,
     "PositionMap": over_position,
     "PrandtlTomlinson": tomlinson,
     "ResetPID": alternating_error,
     "SwitchMass": stick_slip,
+    "TransmissionLoad": transmitting,
     "TwoMass": resonance,
     **dict.fromkeys(("DiscreteInverse", "InverseDynamics"), inversion),
     **dict.fromkeys(("Encoder", "Quantiser"), staircase),
@@ -406,11 +460,13 @@ BEGIN: Final[Mapping[str, Values]] = {
     "ImpulsiveControl": {"alone": 0.0},
     "InverseDynamics": {"m_load": 1.0, "compliance": 1e-5},
     "KalmanFriction": {"use_v": 1.0},
+    "LoadFeedforward": {"G_cos": 0.3, "Fv": 0.2},
     "Mass": {"k": 10.0},
     "MultiLoopKarnopp": {"CV_num[2]": 2000.0, "CV_num[3]": 20000.0},
     "PID": {"db": 1e-5, "reversal": 0.0, "v_zc": 1e-3},
     "PrandtlTomlinson": {"kT": 0.01},
     "Profile": {"cyclic": 1.0},
+    "TransmissionLoad": {"at_rest": 0.3, "b_drive": 0.1, "b_external": 0.3, "c_drive": 0.2, "c_external": 0.1},
     "Sine": {"amplitude[2]": 0.005, "amplitude[3]": 0.003, "amplitude[4]": 0.002},
     "TustinFeedback": _wave("cogging", 0.3, 16),
 }
@@ -419,6 +475,7 @@ BEGIN: Final[Mapping[str, Values]] = {
 _IDLE: Final[Mapping[str, tuple[str, ...]]] = {
     "AdaptiveSlidingMode": ("Fv_max",),
     "Bristle": ("detour",),
+    "EfficiencyLoad": ("v_rest",),
     "GenericAsperity": ("detour",),
     "SevenParameter": ("detour", "speed"),
 }

@@ -18,7 +18,7 @@
    solution over the path: two exponentials.
 
    Use it for a rate-independent law that is linear in the path and has a break-away peak, for example in controller
-   design. It requires 0 < eta < 1 and f1 > f2 > 0.
+   design. It requires 0 < eta <= 1 and f1 >= f2 >= 0; with f2 above f1, friction would drive.
 
    Limits: the force depends on the path only, so there is no Stribeck effect in v. The peak depends on the history and
    may cause oscillation of a mass on a spring. Like Dahl's model, it does not remember reversal points and drifts under
@@ -40,7 +40,7 @@
     STATE    (F_slow, FORCE,    0.0,  1.0,        FORCE_NOUN " of the slow element at Fn0; not used in order 1") \
     COUNT    (order,  2,        1,    2,          "1: fast element only, 2: both")                               \
     PARAMETER(f1,     FORCE,    1.8,  0.0,   INF, "level of the fast element")                                   \
-    PARAMETER(f2,     FORCE,    0.8,  0.0,   INF, "level of the slow element, below f1")                         \
+    PARAMETER(f2,     FORCE,    0.8,  0.0,   INF, "level of the slow element, at most f1")                       \
     PARAMETER(eta,    NO_UNIT,  0.1,  1e-9,  1.0, "ratio of the path constants, fast over slow element")         \
     PARAMETER(eps,    LENGTH,   1e-3, 1e-12, INF, "path constant")                                               \
     PARAMETER(Fn0,    "N",      1.0,  1e-12, INF, "normal force for which the parameters are valid")
@@ -54,9 +54,12 @@
 /* clang-format on */
 
 #define STEPS_BY step
+#define REQUIRES opposing
 
 #include "block.h"
 #include "presliding.h"
+
+static const char *opposing(const Model *m) { return m->order < 2.0 || m->f2 <= m->f1 ? NULL : "f2 <= f1"; }
 
 /* Compute the derivatives and F from the inverse path constants of both elements. */
 static void contact(Model *m, double per_fast, double per_slow)

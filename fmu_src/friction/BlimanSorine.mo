@@ -3,12 +3,13 @@ partial model BlimanSorine "Bliman-Sorine friction of order 1 or 2, linear in th
   extends Interfaces.Contact;
   parameter Integer order(min = 1, max = 2) = 2 "1: fast element only, 2: both";
   parameter Units.Force f1(min = 0) = 1.8 "level of the fast element";
-  parameter Units.Force f2(min = 0) = 0.8 "level of the slow element, below f1";
+  parameter Units.Force f2(min = 0) = 0.8 "level of the slow element, at most f1";
   parameter Real eta(min = 1e-9, max = 1) = 0.1 "ratio of the path constants, fast over slow element";
   parameter Units.Length eps(min = 1e-12) = 1e-3 "path constant";
   Units.Force F_fast(start = 0, fixed = true) "force of the fast element at Fn0";
   Units.Force F_slow(start = 0, fixed = true) "force of the slow element at Fn0; not used in order 1";
 equation
+  assert(order < 2 or f2 <= f1, "the parameters do not fulfil f2 <= f1");
   der(F_fast) = (f1*v - F_fast*abs(v))/(if order == 2 then eta*eps else eps);
   der(F_slow) = if order == 2 then (-f2*v - F_slow*abs(v))/eps else 0;
   F = (F_fast + F_slow)*load;

@@ -36,7 +36,7 @@
 /* clang-format off */
 #define VARIABLES                                                                                         \
     INPUT    (v,       VELOCITY,  0.0,                  "relative sliding velocity")                      \
-    OPTIONAL (Fn,      FORCE,     1.0,                  "normal force")                                   \
+    OPTIONAL (Fn,      "N",       1.0,                  "normal force")                                   \
     OUTPUT   (F,       FORCE,                           "friction " FORCE_NOUN ", opposes v")             \
     OUTPUT   (F_mean,  FORCE,                           "mean friction " FORCE_NOUN " in long sliding")   \
     OUTPUT   (E,       "J",                             "elastic energy in the bristles")                 \
@@ -48,7 +48,7 @@
     PARAMETER(sigma0,  STIFFNESS, 5e3,    1e-9,  INF,   "stiffness of one bristle")                       \
     PARAMETER(delta_s, LENGTH,    1.2e-5, 1e-12, INF,   "deflection at which a bristle breaks")           \
     PARAMETER(Delta,   LENGTH,    6e-6,   0.0,   INF,   "largest distance of a re-bond")                  \
-    PARAMETER(Fn0,     FORCE,     1.0,    1e-12, INF,   "normal force for which the parameters are valid")
+    PARAMETER(Fn0,     "N",       1.0,    1e-12, INF,   "normal force for which the parameters are valid")
 /* clang-format on */
 
 #include <stdbool.h>

@@ -55,7 +55,7 @@
     FIXED    (winding,   NO_UNIT, 0.6180339887498949, -1e6, 1e6, "rest length of the springs in periods of the substrate") \
     COUNT    (periodic,  1,       0,   1,              "1: a ring, 0: free ends")                             \
     FIXED    (amplitude, NO_UNIT, 0.0, -1e6, 1e6,      "initial deflection of one mode")                      \
-    COUNT    (mode,      1,       0,   MASSES,         "wavelength of this mode is N / mode")
+    COUNT    (mode,      1,       0,   MASSES,         "mode that is deflected, with the wavelength N / mode")
 /* clang-format on */
 
 #include "chain.h"

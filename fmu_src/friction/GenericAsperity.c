@@ -65,9 +65,9 @@
 /* clang-format off */
 #define VARIABLES                                                                                                    \
     INPUT    (v,         VELOCITY,  0.0,                "relative sliding velocity")                                 \
-    OPTIONAL (Fn,        FORCE,     1.0,                "normal force")                                              \
+    OPTIONAL (Fn,        "N",       1.0,                "normal force")                                              \
     OUTPUT   (F,         FORCE,                         "friction " FORCE_NOUN ", opposes v")                        \
-    OUTPUT   (F_N,       FORCE,                         "normal force of all contacts at Fn0")                       \
+    OUTPUT   (F_N,       FORCE,                         "normal force of all contacts at Fn0; in the rotational twin, times the radius") \
     OUTPUT   (F_max,     FORCE,                         "largest friction of the contacts on a flat profile at Fn0") \
     STATE    (z,         LENGTH,    0.0,  1e-5,         "mean deflection of the asperities")                         \
     TALLY    (stuck,                                    "number of sticking asperities")                             \
@@ -91,7 +91,7 @@
     PARAMETER(tau,       TIME,      0.1,  1e-9,  INF,   "time constant of adhesion")                                 \
     PARAMETER(creep,     NO_UNIT,   0.02, 0.0,   INF,   "growth of a contact per e-fold of its age")                 \
     PARAMETER(t0,        TIME,      1e-3, 1e-9,  INF,   "age at which creep begins")                                 \
-    PARAMETER(Fn0,       FORCE,     1.0,  1e-12, INF,   "normal force for which the parameters are valid")
+    PARAMETER(Fn0,       "N",       1.0,  1e-12, INF,   "normal force for which the parameters are valid")
 /* clang-format on */
 
 #include <stdbool.h>

@@ -22,7 +22,7 @@
    step, as events are located. No Stribeck effect, no presliding. */
 
 #define MODEL    KarnoppMass
-#define SUMMARY  "Mass with Karnopp friction, at rest inside a velocity dead band"
+#define SUMMARY  "{Mass} with Karnopp friction, at rest inside a velocity dead band"
 #define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
 #define CITES    "Karnopp1985"
 #define STATUS   "not checked against the paper"

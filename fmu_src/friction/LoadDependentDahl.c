@@ -41,7 +41,7 @@
     OUTPUT   (F,      FORCE,                       "friction " FORCE_NOUN ", opposes v")                                   \
     STATE    (z,      NO_UNIT,  0.0,  1.0,         "deflection over the deflection of steady sliding")                     \
     PARAMETER(mu_avg, NO_UNIT,  0.1,  0.0,   INF,  "mean of the friction coefficients of driving and back-driving")        \
-    PARAMETER(mu_dif, NO_UNIT,  0.03, -INF,  INF,  "half of their difference, at most mu_avg")                             \
+    PARAMETER(mu_dif, NO_UNIT,  0.03, -INF,  INF,  "half of the difference of driving and back-driving, at most mu_avg")                             \
     PARAMETER(eps,    LENGTH,   1e-3, 1e-12, INF,  "path constant after a reversal")                                       \
     PARAMETER(Fv,     DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")
 

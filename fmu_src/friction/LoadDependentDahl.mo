@@ -2,7 +2,7 @@ within FrictionFMUs.Laws;
 partial model LoadDependentDahl "Dahl friction proportional to the transmitted force, for strain-wave gears"
   extends Interfaces.Law;
   parameter Real mu_avg(min = 0) = 0.1 "mean of the friction coefficients of driving and back-driving";
-  parameter Real mu_dif = 0.03 "half of their difference, at most mu_avg";
+  parameter Real mu_dif = 0.03 "half of the difference of driving and back-driving, at most mu_avg";
   parameter Units.Length eps(min = 1e-12) = 1e-3 "path constant after a reversal";
   parameter Units.Damping Fv(min = 0) = 0.4 "viscous coefficient";
   parameter Boolean useF_t = false "true: F_t is an input; false: it is 1"

@@ -38,9 +38,9 @@
 /* clang-format off */
 #define VARIABLES                                                                                                   \
     INPUT    (v,       VELOCITY, 0.0,                   "relative sliding velocity")                                \
-    OPTIONAL (Fn,      FORCE,    1.0,                   "normal force")                                             \
+    OPTIONAL (Fn,      "N",      1.0,                   "normal force")                                             \
     OUTPUT   (F,       FORCE,                           "friction " FORCE_NOUN ", opposes v")                       \
-    STATE    (theta,   TIME,     10.0,  1.0,            "age of the contacts, positive")                            \
+    STATE    (theta,   TIME,     10.0,  1.0,            "age of the contacts; positive")                            \
     LOCAL    (mu,      NO_UNIT,                         "coefficient of friction, with the sign of v")              \
     LOCAL    (k_c,     STIFFNESS,                       "spring stiffness below which a slider is unstable")        \
     PARAMETER(mu0,     NO_UNIT,  0.6,   0.0,   INF,     "coefficient of friction in steady sliding at V0")          \
@@ -48,9 +48,9 @@
     PARAMETER(b,       NO_UNIT,  0.015, 0.0,   INF,     "effect of the contact age")                                \
     PARAMETER(Dc,      LENGTH,   1e-5,  1e-12, INF,     "slip distance that renews the contacts")                   \
     PARAMETER(V0,      VELOCITY, 1e-6,  1e-15, INF,     "reference velocity")                                       \
-    PARAMETER(sigma_n, FORCE,    1.0,   0.0,   INF,     "normal force at Fn = Fn0")                                 \
+    PARAMETER(sigma_n, FORCE,    1.0,   0.0,   INF,     "normal force at Fn = Fn0; in the rotational twin, times the radius") \
     SWITCH   (law,     0,                               "law of the contact age; false: aging law, true: slip law") \
-    PARAMETER(Fn0,     FORCE,    1.0,   1e-12, INF,     "value of Fn for which sigma_n is valid")
+    PARAMETER(Fn0,     "N",      1.0,   1e-12, INF,     "value of Fn for which sigma_n is valid")
 
 /* its parameters can only be distinguished by velocity steps */
 #define IDENTIFIED METHOD(none)

@@ -6,9 +6,9 @@ partial model RateAndState "Rate-and-state friction, aging or slip law, regular 
   parameter Real b(min = 0) = 0.015 "effect of the contact age";
   parameter Units.Length Dc(min = 1e-12) = 1e-5 "slip distance that renews the contacts";
   parameter Units.Velocity V0(min = 1e-15) = 1e-6 "reference velocity";
-  parameter Units.Force sigma_n(min = 0) = 1.0 "normal force at Fn = Fn0";
+  parameter Units.Force sigma_n(min = 0) = 1.0 "normal force at Fn = Fn0; in the rotational twin, times the radius";
   parameter Boolean law = false "law of the contact age; false: aging law, true: slip law";
-  Real theta(unit = "s", start = 10, fixed = true) "age of the contacts, positive";
+  Real theta(unit = "s", start = 10, fixed = true) "age of the contacts; positive";
   Real mu "coefficient of friction, with the sign of v";
 protected
   Real x, worn "slip distances per contact age";

@@ -29,7 +29,7 @@
    contact. No presliding. */
 
 #define MODEL       SwitchMass
-#define SUMMARY     "Mass, spring and belt with the switch model of friction by Leine"
+#define SUMMARY     "{Mass}, spring and belt with the switch model of friction by Leine"
 #define SOURCE      "Leine, Van Campen, De Kraker, Van den Steen, Nonlinear Dynamics 16, 1998"
 #define CITES       "Leine1998"
 #define STATUS      "not checked against the paper"

@@ -44,6 +44,7 @@
 /* clang-format on */
 
 #define STEPS_BY step
+#define REQUIRES limits_in_order
 #define WARNING                                                                                                        \
     "more than 1024 changes of u within the delay; the oldest are lost, and the delay is shorter than specified"
 #define MEMORY   struct history
@@ -68,6 +69,8 @@ struct history {
 
 #include "block.h"
 #include "search.h"
+
+static const char *limits_in_order(const Model *m) { return m->F_min <= m->F_max ? NULL : "F_min <= F_max"; }
 
 static bool is_history(const Model *m)
 {

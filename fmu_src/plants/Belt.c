@@ -23,7 +23,7 @@
    iterate. */
 
 #define MODEL   Belt
-#define SUMMARY "Mass on a moving belt, with a spring and a damper to the wall"
+#define SUMMARY "{Mass} on a moving belt, with a spring and a damper to the wall"
 #define SOURCE  "Leine, van Campen, de Kraker, van den Steen, Nonlinear Dynamics 16, 1998"
 #define CITES   "Leine1998"
 

@@ -11,7 +11,7 @@
    A friction model needs F_ext at rest. With k = d = 0, the support has no effect. */
 
 #define MODEL   Mass
-#define SUMMARY "Mass with an optional spring and damper to a moving support"
+#define SUMMARY "{Mass} with an optional spring and damper to a moving support"
 #define SOURCE  "Newton's second law"
 #define CITES   "Newton1687"
 

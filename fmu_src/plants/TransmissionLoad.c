@@ -41,8 +41,8 @@
     PARAMETER(a_external, NO_UNIT,   0.1,  0.0,   INF,  "friction over external " FORCE_NOUN)                                            \
     PARAMETER(b_drive,    NO_UNIT,   0.0,  0.0,   INF,  "additional friction at rest over " FORCE_NOUN " of the drive")                  \
     PARAMETER(b_external, NO_UNIT,   0.0,  0.0,   INF,  "additional friction at rest over external " FORCE_NOUN)                         \
-    PARAMETER(c_drive,    PER_FORCE, 0.0,  0.0,   INF,  "the same over the square of the " FORCE_NOUN " of the drive, if it is smaller") \
-    PARAMETER(c_external, PER_FORCE, 0.0,  0.0,   INF,  "the same over the square of the external " FORCE_NOUN ", if it is smaller")     \
+    PARAMETER(c_drive,    PER_FORCE, 0.0,  0.0,   INF,  "additional friction at rest over the square of the " FORCE_NOUN " of the drive, if it is the smaller one") \
+    PARAMETER(c_external, PER_FORCE, 0.0,  0.0,   INF,  "additional friction at rest over the square of the external " FORCE_NOUN ", if it is the smaller one")     \
     PARAMETER(vs,         VELOCITY,  1e-3, 1e-12, INF,  "Stribeck velocity")                                                             \
     PARAMETER(delta,      NO_UNIT,   2.0,  1e-3,  100.0, "Stribeck exponent")
 /* clang-format on */

@@ -1,5 +1,5 @@
 /* A ripple for PositionMap: cogging with a period of 24 mm over 72 mm, and friction that is largest at both ends.
-   Begin and spacing of the nodes [m], and rows { C [N], D [N] }. */
+   Begin and spacing of the nodes, and rows { C, D }, in SI units. */
 
 #ifndef MAP_H
 #define MAP_H

@@ -98,7 +98,7 @@ class PositionMap:
         )
         begin, spacing = float(self.grid.begin), float(self.grid.spacing)
         return {
-            "map.h": "/* begin and spacing of the nodes [m]; rows { cogging [N], friction [N] } */\n"
+            "map.h": "/* begin and spacing of the nodes; rows { cogging, friction }; in SI units */\n"
             f"static const double map_begin = {begin!r}, map_spacing = {spacing!r};\n"
             f"static const bool map_periodic = {'true' if self.grid.periodic else 'false'};\n"
             f"static const double map[][2] = {{\n{rows}}};\n"

@@ -81,6 +81,9 @@ def describe(library: Path, computed: Mapping[str, Iterable[str]] | None = None)
     rows, size = _read(handle)
     block = _Probe(handle, size, rows.variables, rows.sampled)
     found = block.dependencies(False), block.dependencies(True)
+    if rows.sampled and not computed:  # commands act on what earlier samples have left, of which the probe has none
+        commands = [v.name for v in rows.variables if (v.role, v.type) == (INPUT, BOOLEAN)]
+        computed = {v.name: commands for v in rows.variables if (v.role, v.type) == (OUTPUT, REAL)}
     for dependencies, roles in zip(found, ((INPUT,), (INPUT, PARAMETER, FIXED, STATE)), strict=True):
         _add(dependencies, rows.variables, computed or {}, roles)
         _follow_limit(dependencies, rows.variables)
@@ -105,7 +108,7 @@ def _read(handle: ctypes.CDLL) -> tuple[BlockVariables, int]:
     for row in rows[: count.value]:
         name, unit, text = row.name.decode(), row.unit.decode(), row.text.decode()
         if row.role == DERIVATIVE:
-            unit, text = _per_second(unit), f"time derivative of the {text}"
+            unit, text = _per_second(unit), f"time derivative of the {text.partition(';')[0]}"
         for k in range(max(row.length, 1)):
             element = _element(name, k) if row.length else name
             start = row.starts[k] if row.starts else row.start
@@ -234,8 +237,8 @@ class _Probe:
         if v.type == BOOLEAN:
             return float(draw.random() < 0.5)
         if v.type == INTEGER:
-            most = int(min(v.max, start + 10))  # often the largest size, which uses all elements of vectors
-            return float(most if draw.random() < 0.3 else draw.randint(int(max(v.min, start - 10)), most))
+            least, most = int(max(v.min, start - 10)), int(min(v.max, start + 10))
+            return float(draw.choice((least, most, draw.randint(least, most))))  # most: all elements of vectors
         if v.role in (PARAMETER, FIXED):
             value = start * draw.uniform(0.5, 2.0) if start != 0.0 else draw.choice((0.0, 1.0)) * draw.uniform(0.1, 2.0)
             if start < 0.0 < v.max and draw.random() < 0.5:  # a negative value may mean "not given"

@@ -7,7 +7,7 @@ from html import escape
 from string import Template
 from textwrap import fill
 
-from friction_fmus.blocks.axis_units import SLIDING
+from friction_fmus.blocks.axis_units import SLIDING, TURNING, Words
 from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.codegen.layout import Export, is_flag
 from friction_fmus.codegen.sources import header, implementation, unit_text
@@ -87,7 +87,8 @@ def rotational(export: Export) -> str:
     variables = [v for group in ("parameters", "inputs", "outputs") for v in export.groups[group]]
     units = {v: unit_text(v, rotary=True) for v in variables if unit_text(v, rotary=True) != unit_text(v)}
     changed = [f'{_name(v)}({"each " * bool(_size(v))}unit = "{unit}")' for v, unit in units.items()]
-    return f"\n  block {export.law.name} = Compensators.{export.law.name}({_listed(changed)});\n"
+    name, summary = export.law.name, _string(export.law.summary, TURNING)
+    return f"\n  block {name} = Compensators.{name}({_listed(changed)}) {summary};\n"
 
 
 def _template(name: str) -> Template:
@@ -121,8 +122,8 @@ def _declared(kind: str, v: LawVariable, more: str) -> str:
     return f"  {kind} {_name(v)}{_size(v)}{listed}{more} {_string(v.text)}"
 
 
-def _string(text: str) -> str:
-    escaped = SLIDING.fill(text).replace("\\", "\\\\").replace('"', '\\"')
+def _string(text: str, words: Words = SLIDING) -> str:
+    escaped = words.fill(text).replace("\\", "\\\\").replace('"', '\\"')
     return f'"{escaped}"'
 
 

@@ -51,6 +51,7 @@ SHIPPED = PACKAGE / "fmus"  # folder of the FMUs for all platforms in an install
 SHARED_FOLDERS = ("", "numerics", "friction")
 """Folders of ``fmu_src`` with headers for all blocks; in an FMU, all sources are in one folder."""
 
+TWIN = "In this rotational twin, forces but Fn are torques, lengths are angles, and masses are moments of inertia."
 FMI_HEADER = "fmi2Functions.h"  # the header of the FMI standard, which importers provide
 
 
@@ -129,6 +130,7 @@ def block_source(
     if not (start or name or files or twin) and (shipped := _shipped(model)):
         return SourceFmu(shipped.stem, shipped.read_bytes(), (), compiling, ((NATIVE,), select(("all",))))
     block = find(model)
+    block = replace(block, summary=block.rotary_summary, notes=f"{block.notes}\n\n{TWIN}") if twin else block
     identifier = name or block.name + ("Rotational" if twin else "")
     start = _in_units(replace(block, code=rotational(block.code)) if twin else block, start or {})
     code = with_start_values(with_room(block, start).code, start)
@@ -256,7 +258,7 @@ def build_record(
             "A record needs finite values at strictly increasing times; sort the samples and remove missing values"
         )
     rows = "".join("    {" + ", ".join(repr(float(value)) for value in row) + "},\n" for row in table)
-    text = f"/* t [s], r [m], rd [m/s], rdd [m/s2] */\nstatic const double series[][4] = {{\n{rows}}};\n"
+    text = f"/* t, r, rd, rdd in SI units */\nstatic const double series[][4] = {{\n{rows}}};\n"
     return build("Record", out_dir, name=name, files={"series.h": text}, domain=domain)
 
 

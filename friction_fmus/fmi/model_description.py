@@ -88,8 +88,7 @@ FLANGES = (
 )
 """Velocity and force of a flange, and the direction of the force. The first pair with an input and an output in the
 block counts; the first of all is for friction only, as F of a motor drives a mass. F flows into a friction model;
-F_friction flows out of a mass, and other forces flow into it. The forces
-at a connection thus add up to zero, and a mass can have several contacts."""
+F_friction flows out of a mass, and other forces into it, so that the forces at a connection add up to zero."""
 
 SIDES = (("flange", ""), ("flange_a", "1"), ("flange_b", "2"))
 """Name of a flange and suffix of its variables; the sides of a drive are named as in the Modelica library."""
@@ -155,7 +154,7 @@ def _flanges(ports: Mapping[str, BlockVariable], pairs: Sequence[tuple[str, str,
                 members = Member("v", v.name), Member("F", F.name, direction)
                 domain = DOMAINS.get(v.unit, "dimensionless")
                 right = name == "flange_b" or (name == "flange" and v.role != INPUT)
-                text = f"{v.text}; {F.text}"
+                text = f"{v.text}; {F.text}".replace("optional: ", "")
                 yield Terminal(name, text, domain, "plug", members, right)
                 break
 
@@ -201,22 +200,15 @@ def _terminal(parent: etree._Element, terminal: Terminal, x: int, y: int) -> Non
         description=terminal.description,
     )
     for member in terminal.members:
-        etree.SubElement(
-            element,
-            "TerminalMemberVariable",
-            variableName=member.variable,
-            memberName=member.name,
-            variableKind=member.kind,
-        )
+        attributes = {"variableName": member.variable, "memberName": member.name, "variableKind": member.kind}
+        etree.SubElement(element, "TerminalMemberVariable", attributes)
+    corners = {"x1": str(x - 10), "y1": str(y - 10), "x2": str(x + 10), "y2": str(y + 10)}
     etree.SubElement(
         element,
         "TerminalGraphicalRepresentation",
+        corners,
         defaultConnectionColor=COLOURS[terminal.shape],
         defaultConnectionStrokeSize="2",
-        x1=str(x - 10),
-        y1=str(y - 10),
-        x2=str(x + 10),
-        y2=str(y + 10),
         iconBaseName=terminal.shape,
     )
 
@@ -253,8 +245,6 @@ EXCHANGE = (
 )
 """The capabilities of `CAPABILITIES` that ModelExchange has too."""
 
-_STEPS_NOT_NEEDED = {"completedIntegratorStepNotNeeded": "true"}
-
 
 def model_description(block: Block, description: Description, identifier: str) -> bytes:
     """Return the XML file."""
@@ -276,10 +266,8 @@ def model_description(block: Block, description: Description, identifier: str) -
     )
     if description.exchanges:
         root.set("numberOfEventIndicators", str(description.events))
-    if description.exchanges:
-        _interface(
-            root, "ModelExchange", identifier, {name: CAPABILITIES[name] for name in EXCHANGE} | _STEPS_NOT_NEEDED
-        )
+        flags = {name: CAPABILITIES[name] for name in EXCHANGE} | {"completedIntegratorStepNotNeeded": "true"}
+        _interface(root, "ModelExchange", identifier, flags)
     _interface(root, "CoSimulation", identifier, CAPABILITIES)
     units = list(dict.fromkeys(v.unit for v in variables if v.unit))
     _unit_definitions(root, units)

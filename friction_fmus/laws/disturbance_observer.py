@@ -32,7 +32,7 @@ def disturbance_observer(
     track: SX = variables.TRACK,
     u_track: SX = variables.U_TRACK,
     d: SX = State(FORCE, 0.0, "estimated disturbance"),
-    d_rate: SX = State(FORCE, 0.0, "its time derivative divided by 2 pi fq, for order 2"),
+    d_rate: SX = State(FORCE, 0.0, "time derivative of d divided by 2 pi fq, for order 2"),
     v_last: SX = State(VELOCITY, 0.0, "velocity in the previous sample", nominal=1e-2),
     running: SX = variables.RUNNING,
     missed: SX = variables.MISSED,

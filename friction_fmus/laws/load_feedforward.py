@@ -31,7 +31,7 @@ def load_feedforward(
     m: SX = variables.INERTIA,
     pitch: SX = Parameter(LENGTH, 2.0 * pi, "period of gravity over the position: one turn", min=1e-9),
     G_sin: SX = Parameter(FORCE, 1.0, "{force} against gravity in proportion to the sine of the position"),
-    G_cos: SX = Parameter(FORCE, 0.0, "the same for the cosine"),
+    G_cos: SX = Parameter(FORCE, 0.0, "{force} against gravity in proportion to the cosine of the position"),
     offset: SX = Parameter(FORCE, 0.0, "constant {force} that the drive needs, such as that of a weight"),
     m_moved: SX = Parameter(MASS, 1.0, "{moving_mass}, whose acceleration loads the contact", min=0.0),
     Fv: SX = Parameter(DAMPING, 0.0, "viscous coefficient, whose {force} loads the contact", min=0.0),

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -15,7 +16,7 @@ from thorough import nightly
 
 from friction_fmus import fmu
 from friction_fmus.cli.inputs import open_system
-from harness import Bias, CallablePart, Experiment, FmuPart, HarnessError, System
+from harness import AlgebraicLoopError, Bias, CallablePart, Experiment, FmuPart, HarnessError, System, Wire
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -144,6 +145,19 @@ def test_a_loop_that_the_master_cannot_solve(tmp_path: Path) -> None:
     with System([part], ["pid.u -> pid.f"], start, STEPS) as system, pytest.raises(HarnessError) as caught:
         system.to_fmu(tmp_path / "axis.fmu")
     check(str(caught.value), ["algebraic loop pid.u -> pid.f -> pid.u", "delay"], tmp_path)
+
+
+def test_a_loop_of_sampled_composites_is_one_like_that_of_their_parts(tmp_path: Path) -> None:
+    """What acts in the same sample is declared: without a delay, one of two sums would read the other a sample late."""
+    with System([FmuPart("sum", fmu("SampledSum"))], []) as one:
+        one.to_fmu(tmp_path / "sum.fmu", step=1e-3)
+    parts = [FmuPart(name, tmp_path / "sum.fmu") for name in "ab"]
+    there, back = Wire("a.sum.y", "b.sum.u1"), Wire("b.sum.y", "a.sum.u1", gain=0.5)
+    with pytest.raises(AlgebraicLoopError, match=r"a\.sum\.y -> b\.sum\.u1"):
+        System(parts, [there, back], {"a.sum.u2": 1.0}).run(0.01, step=1e-3)
+    delayed = System(parts, [there, replace(back, delay=1)], {"a.sum.u2": 1.0})
+    y = delayed.run(0.004, step=1e-3)["b.sum.y"].to_numpy()
+    assert y[2:].tolist() == (1.0 + 0.5 * y[1:-1]).tolist()
 
 
 def test_a_loop_without_a_solution(tmp_path: Path) -> None:

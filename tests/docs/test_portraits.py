@@ -131,6 +131,35 @@ def test_signals_and_sensors(panels: Panels) -> None:
     assert abs(np.fft.rfft(ripple.y)).argmax() == 2  # two periods
 
 
+def test_a_motor_pushes_and_is_no_friction(panels: Panels) -> None:
+    """Force over velocity is that of the duty cycle less K v / R, over the resistance."""
+    (panel,) = panels("DCMotor", K=2.0, R=3.0)
+    assert "Friction" not in panel.caption
+    for curve, duty in zip(panel.curves, (1.0, 0.5, -1.0), strict=True):
+        assert curve.y == pytest.approx(2.0 * (12.0 * duty - 2.0 * curve.x) / 3.0, abs=1e-12)
+
+
+def test_loads_of_contacts_grow_with_the_force(panels: Panels) -> None:
+    """By the equations: 1 / eta - 1 of a load that is lifted, 1 - eta of one that is lowered; gravity of an arm."""
+    forward, back = panels("EfficiencyLoad", base=0.1, eta_drive=0.4, eta_back=-0.2)[0].curves
+    for curve, direction in ((forward, 1.0), (back, -1.0)):
+        share = np.where(curve.x * direction < 0.0, 1.0 / 0.4 - 1.0, 1.2)
+        assert curve.y == pytest.approx(0.1 + np.abs(curve.x) * share, abs=1e-12)
+    drive, velocity = panels("TransmissionLoad", at_rest=0.5)
+    for curve, rest in zip(drive.curves, (0.5, 0.5 * np.exp(-16.0)), strict=True):
+        assert curve.y == pytest.approx(1.0 + rest + 0.1 * np.abs(-1.0 - curve.x), abs=1e-12)
+    (curve,) = velocity.curves
+    assert curve.y == pytest.approx(1.3 + 0.5 * np.exp(-((curve.x / 1e-3) ** 2)), abs=1e-12)
+    (arm,) = panels("LoadFeedforward", m=0.0, G_cos=0.3)[0].curves
+    assert arm.y == pytest.approx(np.sin(arm.x) + 0.3 * np.cos(arm.x), abs=1e-12)
+
+
+@pytest.mark.parametrize("name", some(tuple(catalogue()), ["DCMotor", "EfficiencyLoad", "LoadFeedforward"]))
+def test_no_figure_is_a_level_line(panels: Panels, name: str) -> None:
+    for panel in panels(name, **BEGIN.get(name, {})):
+        assert any(np.ptp(curve.y) > 0.0 for curve in panel.curves if not curve.aside), panel.caption
+
+
 def test_experiments_of_pages_belong_to_blocks() -> None:
     assert {*SHOWN, *FURTHER, *BEGIN} <= set(catalogue())
 

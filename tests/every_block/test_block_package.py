@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import zipfile
 from collections.abc import Mapping, Sequence
-from itertools import chain, product
+from itertools import chain, pairwise, product
 from pathlib import Path
 
 import fmpy
@@ -17,7 +17,7 @@ import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
 from shell.instance import EXCHANGE_SIGNATURES, SIGNATURES, Instance, Library, RefusedError, signals
-from shell.selection import CONTINUOUS_BLOCKS, of_each_branch, one_of_each
+from shell.selection import CONTINUOUS_BLOCKS, SAMPLED_BLOCKS, of_each_branch, one_of_each
 
 from friction_fmus import catalogue
 from harness.compiling import toolchain
@@ -313,6 +313,32 @@ def test_outputs_in_a_run_depend_at_once_on_declared_inputs_only(library: Librar
                 run.set({name: held})
             run.set(inputs)
             run.step(0.01 * k, 0.01)
+
+
+@pytest.mark.parametrize("library", of_each_branch(SAMPLED_BLOCKS), indirect=True)
+def test_outputs_of_a_sample_depend_on_declared_inputs_only(library: Library, xml: etree._Element) -> None:
+    """The same sample is taken again with one other input: a reset acts on what earlier samples have left."""
+    declared, outputs, draw = dependencies(xml, library, "Outputs"), library.names("output"), random.Random(4)
+    counts = library.names("parameter", type="Integer")
+    for n in range(10):
+        values = {name: float(library.variables[name].min) + draw.randint(0, 2) for name in counts}
+        Ts = library.start("Ts")
+        with Instance(library) as run:
+            run.initialise(**values)
+            for k, (inputs, others) in enumerate(pairwise(signals(library, 4 + n, 21))):
+                run.set(inputs)
+                state = run.serialised()
+                run.step(k * Ts, Ts)
+                after = run.get(*outputs)
+                for name in inputs:
+                    boolean = library.variables[name].type == "Boolean"
+                    run.restore(state)
+                    run.set({name: 1.0 - inputs[name] if boolean else others[name]})
+                    run.step(k * Ts, Ts)
+                    for output, old, new in zip(outputs, after, run.get(*outputs), strict=True):
+                        assert old == new or name in declared[output], (output, name)
+                run.restore(state)
+                run.step(k * Ts, Ts)
 
 
 def test_the_catalogue_is_not_empty() -> None:

@@ -249,12 +249,13 @@ def test_rotational_units_are_those_of_the_fmu(
     name: str, whole_library: Library, build_fmu: Callable[..., Path], tmp_path: Path
 ) -> None:
     text = (Path(whole_library.roots[0]) / "Compensators" / "Rotational.mo").read_text(encoding="utf-8")
-    modified = re.findall(rf"block {name} = Compensators.{name}\((.*?)\);\n", text, re.S)[0]
+    modified, summary = re.findall(rf'block {name} = Compensators.{name}\((.*?)\) "([^"]*)";\n', text, re.S)[0]
     found = re.findall(r"'?(\w+)'?\((?:each\s+)?unit\s+=\s+\"([^\"]+)\"\)", modified)
     files = build_fmu(name), build(name, tmp_path, domain="rotational")
     linear, rotary = ({v.name: v for v in read_model_description(str(file)).modelVariables} for file in files)
     changed = {v: each.unit for v, each in rotary.items() if each.unit != linear[v].unit and each.causality != "local"}
     assert dict(found) == {v.partition("[")[0]: unit for v, unit in changed.items()}
+    assert str(read_model_description(str(files[1])).description).startswith(f"{summary} (")
 
 
 @pytest.mark.parametrize("name", LAWS)

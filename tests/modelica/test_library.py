@@ -95,6 +95,7 @@ def test_units_are_those_of_the_fmus() -> None:
         ("Dahl", "Fn0 = -1", "Fn0 = -1 is outside [1e-12, inf]"),
         ("GMS", "k = {1, -2, 1, 1, 1, 1, 1, 1, 1, 1}", "k[2] = -2 is outside [0, inf]"),
         ("LoadDependentDahl", "mu_avg = 0.01", "|mu_dif| <= mu_avg"),
+        ("BlimanSorine", "f2 = 5", "f2 <= f1"),
     ],
 )
 def test_a_parameter_out_of_range_is_refused_as_by_the_fmu(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shell.instance import OK, WARNING, Instance, Library, load
+from shell.instance import ERROR, OK, WARNING, Instance, Library, load
 from thorough import few
 
 reproducibly = settings(max_examples=few(100), deadline=20_000, derandomize=True, database=None)
@@ -216,3 +216,17 @@ def test_more_changes_than_it_can_hold_shorten_the_delay_and_give_a_warning(actu
         for n in range(2000):
             run.step(n * h, h)
             assert run.get1("F") == (4.0 if n + 1 > steps else 0.0)
+
+
+def test_limits_that_exclude_each_other_are_refused(actuator: Library) -> None:
+    """With F_min above F_max, no force is within both: 10 N for u = 1 N was one of them."""
+    with Instance(actuator) as run:
+        run.setup()
+        run.set({"F_min": 10.0, "F_max": -10.0, "u": 1.0})
+        run.must("EnterInitializationMode")
+        assert run.call("ExitInitializationMode") == ERROR
+        assert b"must satisfy F_min <= F_max" in run.messages[-1][3]
+    with Instance(actuator) as run:
+        run.initialise(F_min=-2.0, F_max=-2.0, u=1.0)  # a constant force
+        run.step(0.0, 1e-3)
+        assert run.get1("F") == -2.0

@@ -17,7 +17,7 @@ from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.customise import with_long_arrays
 from friction_fmus.errors import BuildError
 from friction_fmus.study.compensators import compensators
-from harness import CallablePart, FmuPart, Port, System
+from harness import AlgebraicLoopError, CallablePart, FmuPart, Port, System, Wire
 
 BuildFmu = Callable[..., Path]
 Run = Callable[..., np.ndarray]
@@ -447,3 +447,13 @@ def test_the_condition_of_convergence(repeated, wrong, stable):
     L = {"m": 2.0 * wrong} | {name: wrong * value for name, value in GAINS.items()}
     late, later = (rms(repeated([5.0], n, **L)) for n in (12, 20))
     assert (later < late) == stable
+
+
+def test_a_reset_by_the_controller_that_the_learned_force_acts_on_is_a_loop(build_fmu: Callable[..., Path]) -> None:
+    """A reset acts in its sample: without a delay, it would be a sample late in one of the two orders."""
+    values = dict.fromkeys(("pid.r", "pid.rd", "pid.rdd", "pid.x", "pid.v", "ilc.r", "ilc.x"), 0.0)
+    parts = [FmuPart("pid", build_fmu("PID")), FmuPart("ilc", build_fmu("IterativeLearning"))]
+    with pytest.raises(AlgebraicLoopError, match=r"pid\.fault -> ilc\.reset -> ilc\.u"):
+        System(parts, ["pid.fault -> ilc.reset", "ilc.u -> pid.f"], values).run(0.01, step=1e-3)
+    late = Wire("ilc.u", "pid.f", delay=1)
+    System(parts, ["pid.fault -> ilc.reset", late], values).run(0.01, step=1e-3)

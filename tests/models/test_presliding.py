@@ -14,7 +14,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
-from shell.instance import OK, Instance, Library, load
+from shell.instance import ERROR, OK, Instance, Library, load
 from thorough import few
 
 P95 = {"sigma0": 1e5, "sigma1": math.sqrt(1e5), "sigma2": 0.4, "Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "delta": 2.0}
@@ -246,6 +246,18 @@ def test_dahl_follows_a_ramp_through_its_reversal(dahl: Library, v: float, slope
 def two_elements(s: float, start: tuple[float, float], f1: float, f2: float, eta: float, eps: float) -> float:
     """Force after the path s in positive direction."""
     return f1 + (start[0] - f1) * math.exp(-s / (eta * eps)) - f2 + (start[1] + f2) * math.exp(-s / eps)
+
+
+def test_a_slow_element_above_the_fast_one_is_refused(bliman: Library, bliman_1: Library) -> None:
+    """Steady sliding has the friction f1 - f2, which would drive; order 1 has no slow element."""
+    with Instance(bliman) as run:
+        run.setup()
+        run.set({"f2": 5.0})
+        run.must("EnterInitializationMode")
+        assert run.call("ExitInitializationMode") == ERROR
+        assert b"must satisfy f2 <= f1" in run.messages[-1][3]
+    assert forces(bliman, [(1.0, 1.0)], f2=1.8)[0] == pytest.approx(0.0, abs=1e-15)
+    assert forces(bliman_1, [(1.0, 1.0)], f2=5.0)[0] == pytest.approx(1.8, rel=1e-14)
 
 
 def test_b23_the_peak_from_rest_and_from_reversed_sliding(bliman: Library) -> None:
@@ -818,7 +830,7 @@ LIMITS = {
         {"Fc": 1e-9, "Fs": 1e-9},
     ],
     "Dahl": [{"n": 0.0}, {"n": 100.0}, {"n": 1e-9}, {"sigma": 1e-9}, {"Fc": 1e-9}, {"n": 0.5, "sigma": 1e12}],
-    "BlimanSorine": [{"eta": 1.0}, {"f2": 0.0}, {"f1": 0.0, "f2": 0.0}, {"eta": 1e-9, "eps": 1e-12}, {"f2": 5.0}],
+    "BlimanSorine": [{"eta": 1.0}, {"f2": 0.0}, {"f1": 0.0, "f2": 0.0}, {"eta": 1e-9, "eps": 1e-12}, {"f2": 1.8}],
     "ResetIntegrator": [{"a": 0.0}, {"beta": 0.0}, {"z0": 1e-15}, {"sigma0": 1e-9}],
     "ElastoPlastic": [
         {"z_ba": 0.0},

@@ -26,14 +26,16 @@ from harness.values import STRUCTURED
 
 def step_dependencies(system: Assembly, variables: Sequence[CompositeVariable]) -> dict[str, list[int]]:
     """Return for each output and derivative the indices of the inputs and states on which it depends directly."""
-    # States count if the FMU is for model exchange too.
+    # States count if the FMU is for model exchange too, and samples if it is nothing but sampled.
+    sampled = all(v.variability == "discrete" for v in variables if v.causality == "output")
     inside = [wire for wire in system.wires if wire.ends[0][0] in system.parts]
     outside = [wire for wire in system.wires if wire not in inside and not wire.delay]
-    prompt = [wire for wire in outside if not system.parts[wire.ends[1][0]].sampled]
+    prompt = [wire for wire in outside if sampled or not system.parts[wire.ends[1][0]].sampled]
     drivers = _drivers([*instantaneous(system.parts, inside), *prompt])
     held = {v.state for v in variables if v.state}
     knowns = {v.inner: i for i, v in enumerate(variables, start=1) if v.causality == "input" or v.name in held}
-    stated = {name: _direct(part, exchanges=bool(held)) for name, part in system.parts.items()}
+    parts = {name: part for name, part in system.parts.items() if sampled or not part.sampled}
+    stated = {name: _direct(part, exchanges=bool(held)) for name, part in parts.items()}
     return {
         v.name: sorted(knowns[name] for name in _reached(v.inner, stated, drivers) if name in knowns)
         for v in variables
@@ -43,8 +45,6 @@ def step_dependencies(system: Assembly, variables: Sequence[CompositeVariable]) 
 
 def _direct(part: Part, *, exchanges: bool) -> Mapping[str, Iterable[str]]:
     """Return the inputs on which each output depends, and for model exchange also the states, and the derivatives."""
-    if part.sampled:
-        return {}
     if not exchanges or not isinstance(part, FmuPart):
         return part.dependencies
     description = part.archive.description
