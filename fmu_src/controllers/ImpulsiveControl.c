@@ -1,8 +1,7 @@
 /* Impulsive control: force pulses for an axis that is stuck away from its target, each sized to slide it by its error.
 
    Armstrong-Helouvry, Dupont, Canudas de Wit: A survey of models, analysis tools and compensation methods for the
-   control of machines with friction, Automatica 30(7), 1994 (survey); the size of the pulse follows from
-   Newton's law.
+   control of machines with friction, Automatica 30(7), 1994 (survey); the size of the pulse follows from Newton's law.
 
        stuck:  |v| < v_stuck for n_stuck samples in a row, and |r - x| > tol
        then:   a pulse Fp sgn(r - x) of n_pulse samples, tp = n_pulse Ts

@@ -53,8 +53,7 @@ class Identification:
     t, measured, predicted : array, shape (n,)
         Time [s], and measured and predicted signal, in `unit`.
     signal, unit : str
-        Name and unit of the signal: "mu", "friction", "force", or the position "q" in a free run
-        and of a free run.
+        Name and unit of the signal: "mu", "friction", "force", or the position "q" in a free run.
     train : Score
         Score on the training data.
     validation : Score or None

@@ -68,8 +68,7 @@ def load_feedforward(
     contact and a friction that falls with velocity load it by their own force, too, of which only Fv is considered.
     u_min must not exceed u_max.
     """
-    turns = r / pitch
-    angle = 2.0 * pi * (turns - floor(turns + 0.5))  # near 0 for a position near 0, which a float then resolves
+    angle = 2.0 * pi * (r / pitch - floor(r / pitch + 0.5))  # small for a small r, which a float then resolves
     G = G_sin * sin(angle) + G_cos * cos(angle) + offset
     way = direction(rd, v_rest)
     b = a_external * G + a_drive * (G + m_moved * rdd + Fv * rd)

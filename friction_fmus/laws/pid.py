@@ -63,8 +63,7 @@ def pid(
 
     Astrom, Hagglund: Advanced PID Control, ISA 2006 (conditional integration against windup, tracking); Hanus,
     Kinnaert, Henrotte: Conditioning technique, a general anti-windup and bumpless transfer method, Automatica 23(6),
-    1987. Ki = 0 is PD control. The start values place three poles near 10 Hz for a mass of 1 kg without
-    friction.
+    1987. Ki = 0 is PD control. The start values place three poles near 10 Hz for a mass of 1 kg without friction.
 
     The integral used in a sample does not contain the error of that sample. While reset is true, the integral is 0, in
     the same sample and in the next one. While enable is false, u, u_sat and the integral are 0. When enable becomes
@@ -92,8 +91,7 @@ def pid(
     dead-band stops hunting only if it is wider than one slip, and leaves an error of this size. A reset at reversals
     shortens the period of hunting but does not stop it. reversal = -1 and Fc_turned = Fc leave an oscillation of some
     0.1 mm with the gains of the LuGre paper. Under a load, reversal = -1 reverses the load as well and increases the
-    error. If f contains the inertia force, like u of StaticFeedforward, m
-    must be 0. u_min must not exceed u_max.
+    error. If f contains the inertia force, like u of StaticFeedforward, m must be 0. u_min must not exceed u_max.
     """
     start = 0.0
     moves = fabs(v) > v_zc

@@ -6,9 +6,8 @@ The drive force of the axis is
     Fn / Fn0     = (1 + |a_external F_external - a_drive F_drive| / Fc) (1 + direction sgn v) (1 + drift (t - t0))
                    (1 + warming (T - T0)),
 
-where F_external is what acts on the axis from outside, t0 the middle of the records, and T0 the mean of their
-temperatures: a contact under load as in
-`TransmissionLoad` (M. Duclusaud, G. Passault, V. Padois, O. Ly, ICRA 2025), with Fc at no load.
+where F_external acts on the axis from outside, t0 is the middle of the records, and T0 the mean of their temperatures:
+a contact under load as in `TransmissionLoad` (M. Duclusaud, G. Passault, V. Padois, O. Ly, ICRA 2025), Fc at no load.
 """
 
 from collections.abc import Mapping, Sequence
