@@ -562,7 +562,7 @@ def _of_second_mass(balance: ForceBalance, second: SecondMass) -> Iterator[tuple
     while np.max(np.diag(C)[own + 3 :], initial=0.0) > 1.0:
         whole = np.delete(whole, own + 3 + np.argmax(np.diag(C)[own + 3 :]), axis=1)
         theta, C, _ = balance.fitted(whole)
-    motor, load, errors = theta[0], theta[own], np.sqrt(np.diag(C))
+    motor, load, errors = float(theta[0]), float(theta[own]), np.sqrt(np.diag(C)).tolist()
     if min(motor, load) <= 0.0:
         return
     u = balance.records[0].units.words
