@@ -64,6 +64,8 @@ def test_a_mass_that_is_pushed_through_its_band_has_an_event_at_the_end(
     """Inside the band of 1 mm/s, the mass of Karnopp is shown at rest."""
     with Instance(load(build_fmu("KarnoppMass")), kind=MODEL_EXCHANGE) as run:
         run.exchange(F_ext=s * 2.0)
+        assert run.get1("stuck") == 0.0
+        assert run.vector("GetDerivatives", 2)[1] == s * (2.0 - 1.5)  # over 1 kg, of which 1.5 N hold
         signs = []
         for w in (0.0, 0.999e-3, 1.001e-3):
             run.must("SetContinuousStates", (c_double * 2)(0.0, s * w), 2)
