@@ -215,6 +215,14 @@ def test_a_step_much_shorter_than_rounding_is_accepted(library: Library) -> None
         assert run.get(*NAMES) == trajectory(library, [0.0, 1e-3]).tolist()[0]
 
 
+def test_a_step_of_more_inner_steps_than_a_run_can_take_is_refused(library: Library) -> None:
+    """Of 1e8 inner steps of 1 ms."""
+    with Instance(library) as run:
+        run.initialise()
+        assert run.call("DoStep", 0.0, 1.01e5, 0) == DISCARD
+        assert b"more than 100000000 inner steps of 0.001 s" in run.messages[-1][-1]
+
+
 def test_a_refused_step_changes_nothing(library: Library) -> None:
     with Instance(library) as run:
         run.initialise()
