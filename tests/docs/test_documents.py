@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tomllib
 import zipfile
+from inspect import isclass, isroutine
 from pathlib import Path
 
 import fmpy
@@ -17,6 +18,7 @@ import pytest
 import yaml
 from thorough import landing, nightly
 
+import harness
 from friction_fmus import build, fmu
 from friction_fmus.__main__ import main
 from friction_fmus.blocks.catalogue import Block, catalogue
@@ -292,6 +294,14 @@ def test_tests_that_are_named_are_there(page: Path) -> None:
 def test_sentences_are_not_those_of_another_language(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(Path(__file__).parent)
     assert importlib.import_module("wording").candidates() == []
+
+
+def test_the_reference_has_every_class_and_function_of_the_harness() -> None:
+    """`slow/test_built_site.py` finds all other names in the built pages."""
+    pages = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs" / "api").glob("*.md"))
+    shown = {name.rpartition(".")[2] for name in re.findall(r"^::: (\S+)$", pages, re.M)}
+    public = {name: getattr(harness, name) for name in harness.__all__}
+    assert {name for name, value in public.items() if isclass(value) or isroutine(value)} <= shown
 
 
 def test_changelog_names_every_block() -> None:
