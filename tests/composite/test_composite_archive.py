@@ -109,6 +109,7 @@ def test_direct_dependencies_are_those_of_the_loop(compose: Callable[[str], Path
 
 
 @nightly
+@pytest.mark.filterwarnings("ignore:Glyph")  # a font may lack some
 @pytest.mark.parametrize(
     ("mass", "friction"),
     some([("Mässe", "摩擦"), ("a-b", "a_b"), ("$\\foo$", "fr$\\frac{$"), ("a b", "[1]")], [("Mässe", "fr$\\frac{$")]),

@@ -60,7 +60,6 @@ from every_block.test_block_traps import test_no_call_divides_by_zero_overflows_
 from every_block.test_block_values import (  # noqa: F401
     test_everything_declared_can_be_read_in_initialization_mode_and_later,
     test_inputs_pass_to_outputs_in_initialization_mode,
-    test_outputs_follow_inputs_that_are_set_without_a_step,
     test_reading_twice_gives_the_same,
     test_values_outside_their_limits_are_discarded,
     test_what_was_set_is_read_back,
@@ -95,6 +94,19 @@ def test_results_that_are_not_finite_change_nothing(library: Library, situation:
 def test_every_parameter_matters(library: Library) -> None:
     """Of the small one: the search for values with an effect takes minutes for the servo."""
     package.test_every_parameter_matters(library)
+
+
+def test_outputs_follow_inputs_that_are_set_without_a_step(library: Library, xml: etree._Element) -> None:  # noqa: F811
+    """Those of continuous parts: a sampled part takes its inputs at its samples, and none depends on them at once."""
+    acting = set().union(*dependencies(xml, library, "Outputs").values())
+    outputs = library.names("output")
+    with Instance(library) as run, Instance(library) as new:
+        run.initialise()
+        inputs = signals(library, 9, 1)[0]
+        run.everything()
+        run.set(inputs)
+        new.initialise(**{name: value for name, value in inputs.items() if name in acting})
+        assert run.get(*outputs) == new.get(*outputs)
 
 
 def test_outputs_in_a_run_depend_at_once_on_declared_inputs_only(library: Library, xml: etree._Element) -> None:  # noqa: F811
