@@ -140,6 +140,11 @@ def test_implicit_masters(master: str, kind: str, name: str, step: float) -> Non
     assert not warned.texts
 
 
+def test_errors_of_the_first_motion_are_not_measured_by_none() -> None:
+    """A mass that rests on the belt for 5 s: in the first 1e-9 s after it breaks away its velocity is 1e-10 m/s."""
+    test_implicit_masters("newton", "belt", "Stiction", 1e-3)
+
+
 @pytest.mark.parametrize("step", some([1e-2, 1e-3, 1e-4], [1e-2]))
 @pytest.mark.parametrize(("kind", "name"), some(BLOCKS, BLOCKS[::3]))
 @pytest.mark.parametrize("master", ["gauss-seidel", "jacobi"])
