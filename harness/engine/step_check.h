@@ -500,8 +500,7 @@ static void accumulate_error(Newton *newton, StepCheck *guard, const Span *s)
     guard->unresolved += s->to - s->from;
     m->accumulated_error = hypot(m->accumulated_error, guard->apart);
     const double size = fmax(m->scale, fabs(m->u1)); /* 0: it begins to move */
-    const bool large = size > 0.0 && m->accumulated_error > ABANDONED * size;
-    guard->abandoned = large || guard->unresolved > MOST_UNRESOLVED;
+    guard->abandoned = (size > 0.0 && m->accumulated_error > ABANDONED * size) || guard->unresolved > MOST_UNRESOLVED;
 }
 
 /* Return the larger of the remaining errors of a line, over its magnitude or over the distance. */
