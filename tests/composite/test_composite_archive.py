@@ -56,6 +56,7 @@ def test_sources_compile_without_a_warning(compose: Callable[[str], Path], compi
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@landing
 @pytest.mark.skipif(sys.platform != "linux", reason="reads an ELF library")
 def test_only_the_functions_of_fmi_are_exported(compose: Callable[[str], Path]) -> None:
     with zipfile.ZipFile(compose("stick_slip")) as archive:

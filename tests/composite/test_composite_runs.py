@@ -20,7 +20,7 @@ from composite.composite_systems import (
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 from shell.selection import COMPOSITES
-from thorough import nightly, some
+from thorough import landing, nightly, some
 
 from friction_fmus import build, fmu
 from friction_fmus.cli.inputs import open_system
@@ -120,6 +120,7 @@ def test_connections_convert_units(tmp_path: Path) -> None:
     assert differing(run_composite(tmp_path / "units.fmu", 1.0, 0.1), expected) == []
 
 
+@landing
 def test_composites_can_be_parts(tmp_path: Path) -> None:
     with open_system(EXAMPLES / "stick_slip.toml") as system:
         system.to_fmu(tmp_path / "Contact.fmu", inputs=["mass.F_drive"], outputs=["mass.x", "mass.v"])

@@ -11,7 +11,7 @@ import fmpy
 import matplotlib as mpl
 import numpy as np
 import pytest
-from thorough import nightly, some
+from thorough import landing, nightly, some
 
 from friction_fmus import catalogue
 from friction_fmus.blocks.catalogue import find
@@ -139,6 +139,7 @@ def test_a_motor_pushes_and_is_no_friction(panels: Panels) -> None:
         assert curve.y == pytest.approx(2.0 * (12.0 * duty - 2.0 * curve.x) / 3.0, abs=1e-12)
 
 
+@landing
 def test_loads_of_contacts_grow_with_the_force(panels: Panels) -> None:
     """By the equations: 1 / eta - 1 of a load that is lifted, 1 - eta of one that is lowered; gravity of an arm."""
     forward, back = panels("EfficiencyLoad", base=0.1, eta_drive=0.4, eta_back=-0.2)[0].curves

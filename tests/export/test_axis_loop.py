@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from drive_axis import LAW, rms, study_folder
+from thorough import landing
 
 from friction_fmus.axis.servo_loop import accurate, closed_loop
 from friction_fmus.export.axis_fit import AxisFit
@@ -71,6 +72,7 @@ def test_the_fit_has_the_least_error_of_its_form(small: tuple[IdentifiedAxis, Ax
             assert fit.tracking(fit.coulomb @ other + known) > 0.99 * best
 
 
+@landing
 def test_gravity_of_an_arm_is_part_of_the_force(tmp_path: Path) -> None:
     """The study feeds it forward; here, it is that of the table over position."""
     folder, bench = study_folder(tmp_path, arm=True)

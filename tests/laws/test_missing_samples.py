@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from shell.instance import OK, WARNING, Instance, load, signals
-from thorough import some
+from thorough import landing, some
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
@@ -119,7 +119,8 @@ def test_the_velocity_observer_of_andfc_predicts_over_the_true_time(build_fmu) -
     "name",
     [
         *("LuGreFeedforward", "ElastoPlasticFeedforward", "GMSFeedforward"),
-        *("LeuvenFeedforward", "ModifiedLeuvenFeedforward"),
+        pytest.param("LeuvenFeedforward", marks=landing),
+        "ModifiedLeuvenFeedforward",
     ],
 )
 def test_a_feedforward_law_slides_at_the_true_velocity(name: str, build_fmu) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from coupling_search import Composites, References, draw, judge
-from thorough import nightly, some
+from thorough import landing, nightly, some
 
 
 @pytest.mark.parametrize("seed", some([136, 192, 226, 444, 542, 694], [136, 444, 542]))
@@ -114,6 +114,7 @@ def test_a_load_that_changes_twice_within_a_step(run: str, tmp_path: Path) -> No
     assert judge(case, answers, run, made) == "warned"
 
 
+@landing
 @pytest.mark.parametrize("ratio", some([0.25, 0.79, 1.3, 3.7], [1.3]))
 def test_a_slip_that_begins_late_in_an_inner_step(ratio: float, tmp_path: Path) -> None:
     """A light mass slips within two thirds of an inner step, of which a part lies in the next one."""

@@ -135,6 +135,7 @@ def test_an_arm_at_rest_under_load_does_not_narrow_the_band_of_its_mass() -> Non
     assert bands[0].supported > 0.8 * bands[1].supported > 5.0
 
 
+@landing
 def test_an_axis_without_load_has_a_constant_normal_force(tmp_path: Path) -> None:
     """A friction that was identified at a normal force of 40 N has it in the axis, and its law has it, too."""
     plant = AxisPlant("Stribeck", {**FRICTION, "Fn0": 40.0}, ARM.M)
