@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from check.broken import XML, zipped
 from check.libraries import BINARY, HERE, Library
-from thorough import nightly, some
+from thorough import landing, nightly, some
 
 from friction_fmus.check import RULES, check
 
@@ -64,6 +64,7 @@ def test_without_a_fault_nothing_is_found(faulty: Callable[..., Path]) -> None:
     assert check(faulty()) == []
 
 
+@landing
 @pytest.mark.parametrize("fault", some([*FAULTS], [*FAULTS][::24]))
 def test_a_fault_is_found_by_its_rule_and_no_other(faulty: Callable[..., Path], fault: str) -> None:
     rule, words, companions = FAULTS[fault]

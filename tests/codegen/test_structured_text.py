@@ -151,6 +151,7 @@ def parts(export: Export, variable: LawVariable, values: np.ndarray) -> list[tup
     return found
 
 
+@landing
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("name", some(LAWS, CHOSEN))
 def test_a_law_has_the_bits_of_c(name: str, tmp_path: Path) -> None:

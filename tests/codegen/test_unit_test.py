@@ -145,6 +145,7 @@ def test_every_parameter_but_those_that_the_test_names_is_tested(name: str, real
 CONNECTIONS = ["- states->last_feedforward", "+ parameters->offset", "states->u_last = "]
 
 
+@landing
 @pytest.mark.parametrize("real", some(REALS, REALS[:1]))
 @pytest.mark.parametrize("text", some(CONNECTIONS, CONNECTIONS[:1]))
 def test_a_wrong_connection_of_a_loop_fails(text: str, real: Literal["double", "float"], tmp_path: Path) -> None:

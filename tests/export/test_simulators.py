@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 import pytest
 from lxml import etree
-from thorough import some
+from thorough import landing, some
 
 from friction_fmus import BuildError
 from friction_fmus.__main__ import main
@@ -129,6 +129,7 @@ def test_bristles_of_a_model_with_presliding(given: IdentifiedAxis, tmp_path: Pa
     assert model.opt.timestep < 0.5 * (damping + max(own[2])) / stiffness
 
 
+@landing
 def test_bristles_that_are_too_stiff_are_softened_and_the_file_says_so(tmp_path: Path) -> None:
     given = replace(LUGRE, parameters={**LUGRE.parameters, "sigma0": 1e8})
     text = written("mjcf", given, tmp_path)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from python_engine import run_in_python
 from scipy.integrate import solve_ivp
-from thorough import nightly
+from thorough import landing, nightly
 
 from harness import (
     CallablePart,
@@ -419,6 +419,7 @@ def test_an_instance_is_reused(exchange: MakeFmu) -> None:
         assert system.run(stop=1.0, step=0.1).identical(system.run(stop=1.0, step=0.1))
 
 
+@landing
 def test_a_sweep_in_processes(exchange: MakeFmu) -> None:
     """The FMUs of a sweep keep one instance, which is reset for each run."""
     parts = [FmuPart("off", exchange("GAIN")), FmuPart("p", exchange("OSCILLATOR"))]

@@ -35,6 +35,7 @@ def record(whole: Record) -> Record:
     return thinned(whole)
 
 
+@landing
 def test_gravity_and_load_are_found_and_nothing_else(record: Record) -> None:
     found = identify("Stribeck", record, terms="auto")
     values = found.values()

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 from contacts import maxwell_force, noise, reversals
-from thorough import THOROUGH
+from thorough import THOROUGH, landing
 
 from friction_fmus import identify
 from friction_fmus.data import load_tribometer
@@ -104,6 +104,7 @@ def test_dahl_with_a_free_exponent_follows_the_tribometer_with_the_offset_of_the
     assert tribometer("Dahl", OF=0.0).train.relative_percent == pytest.approx(6.6, abs=0.1)
 
 
+@landing
 def test_four_maxwell_elements_follow_the_tribometer() -> None:
     result = tribometer("MaxwellSlip", N=4, OF=0.0)
     assert result.train.relative_percent < 4.4

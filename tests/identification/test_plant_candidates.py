@@ -128,6 +128,7 @@ CLEAN = {
 }
 
 
+@landing
 @pytest.mark.parametrize("case", some([*CLEAN], ["noisy", "coarse", "presliding", "frictionless"]))
 @pytest.mark.parametrize("seed", some([1, 2], [1]))
 def test_nothing_is_named_on_a_clean_axis(case, seed):

@@ -44,6 +44,7 @@ def arm(mu_avg: float, mu_dif: float, eps: float, Fv: float) -> Record:
     return Record("gear", t, q=measured, force=torque + random.normal(0.0, 0.01, len(t)), units=ROTARY)
 
 
+@landing
 @pytest.mark.parametrize("truth", [{"mu_avg": 0.2, "mu_dif": -0.05, "eps": 0.02, "Fv": 0.05}])
 def test_both_coefficients_are_found(truth: dict[str, float]) -> None:
     found = identify("LoadDependentDahl", arm(**truth), terms=("gravity",)).values()

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from contacts import dahl_force, noise
-from thorough import nightly
+from thorough import landing, nightly
 
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
@@ -33,6 +33,7 @@ def record(sigma: float = TRUE["sigma"]) -> Record:
     return Record("Dahl", T, q=q, force=force + dahl_force(q, sigma, TRUE["Fc"]))
 
 
+@landing
 def test_both_parts_are_identified() -> None:
     train, validation = record().window(0.0, 4.0), record().window(4.0, 6.0)
     alone = identify("Dahl", train, validation=validation, fixed={"n": 1.0})

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import simulated_axis as axis
-from thorough import nightly, some
+from thorough import landing, nightly, some
 
 from friction_fmus.__main__ import main
 from friction_fmus.axis.servo import Servo
@@ -184,6 +184,7 @@ def test_balance_of_the_drive_force() -> None:
         assert finding.name == name
 
 
+@landing
 @pytest.mark.parametrize(("height", "name"), [(90.0, "missing-force"), (10.0, "disturbed-force")])
 def test_pulses_that_the_recorded_force_does_not_contain(height: float, name: str) -> None:
     """The log has the force of the servo alone; the law reproduces it, but mass and friction do not."""
