@@ -423,7 +423,7 @@ def refine(
     if not unfitted or (load is not None and found.error is None):
         return found
     free = [p for p in found.row.parameters if p.determined]
-    free = [p for p in free if (p.value > 0.0 and p.name not in VALUES - found.values.keys()) or p.name == "OF"]
+    free = [p for p in free if (p.value > 0.0 and p.name not in VALUES - {"a"}) or p.name == "OF"]
     level = max((found.values.get(name, 0.0) for name in ("Fc", "Fs", "f1")), default=0.0)
     if "M" not in {p.name for p in free} or not level:
         return found
@@ -440,7 +440,7 @@ def refine(
         own = {name: values.get(name, value) for name, value in found.values.items()}
         own |= {"Fs": own["Fc"]} if found.row.name == INVERSE else {}  # Coulomb friction alone
         own |= {"Fn0": contact.level(own)} if found.plant.loaded else {}
-        terms = found.terms | (dict.fromkeys(SHARES, values["a"]) if "a" in values else {})
+        terms = found.terms | (dict.fromkeys(SHARES, values["a"]) if "a" in values.keys() - own.keys() else {})
         return replace(found, values=own, mass=values["M"], offset=values.get("OF", found.offset), terms=terms)
 
     unknowns, simulations = [unknown(p) for p in free], found.row.simulations
