@@ -584,12 +584,14 @@ def _of_second_mass(balance: ForceBalance, second: SecondMass) -> Iterator[tuple
     behind = friction / Fc if Fc else 0.0
     flexible = FlexibleLoad(load / (motor + load), w, D, behind, motor + load)
     low, high = w / (2.0 * pi), flexible.resonance
+    resonance = f"about {high:.2g}" if away else f"{high:.3g}"
     rubs = f", and friction of {friction:.3g} {u.N} behind it" if behind > 0.05 else ""
     what += (
-        f"a spring{rubs}: resonance at {high:.3g} Hz, antiresonance at {shown(low, low * errors[own + 2])} Hz with "
+        f"a spring{rubs}: resonance at {resonance} Hz, antiresonance at {shown(low, low * errors[own + 2])} Hz with "
         f"a damping ratio of {D:.2g}."
     )
-    change = f"Set resonance = [{high:.3g}] in [axis]; results for a rigid {u.mass} hold only well below {low:.3g} Hz."
+    known = "Measure the resonance, and set it as resonance" if away else f"Set resonance = [{high:.3g}]"
+    change = f"{known} in [axis]; results for a rigid {u.mass} hold only well below {low:.3g} Hz."
     yield RecordFinding("two-masses", what, change), flexible
 
 
