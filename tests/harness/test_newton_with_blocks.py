@@ -127,6 +127,25 @@ def test_a_mass_stops_whatever_its_normal_force(build_fmu: BuildFmu, master: str
     assert float(result["mass.x"][-1]) == pytest.approx(0.02 / (Fc * Fn), rel=1e-9)
 
 
+@pytest.mark.parametrize("master", ["newton", "adaptive"])
+@pytest.mark.parametrize("name", some(["Coulomb", "Stiction"], ["Coulomb"]))
+@pytest.mark.parametrize("step", [0.1, 2.0])
+@pytest.mark.parametrize("drive", [-0.9, -0.5, 0.5])
+def test_a_mass_under_a_constant_force_stops_in_closed_form(
+    build_fmu: BuildFmu, master: str, name: str, step: float, drive: float
+) -> None:
+    """Friction of 1 N and the force stop 1 kg within a step; then friction, which is larger, holds it for good."""
+    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu(name))]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
+    for v0 in (0.31, 0.62):
+        start = {"mass.v0": v0, "mass.F_drive": drive} | ({"friction.Fv": 0.0} if name == "Stiction" else {})
+        with System(parts, wires, start) as system:
+            result = system.run(stop=2.0, step=step, master=master, record=["mass.x", "mass.v", "friction.F"])
+        assert result["mass.x"].values[-1] == pytest.approx(v0**2 / (2.0 * (1.0 - drive)), rel=1e-12)
+        assert result["mass.v"].values[-1] == 0.0
+        assert result["friction.F"].values[-1] == pytest.approx(drive, rel=1e-12)
+
+
 def test_a_mass_stops_early_in_a_step(build_fmu: BuildFmu) -> None:
     """After 0.1 ms of 50 ms, x = m v0^2/(2 (Fc + 24 N)); Fs holds it under all later loads, but Fc would not."""
     m, v0, Fc = 0.07, 0.05, 8.0
