@@ -105,7 +105,8 @@ class Guesser:
         clock = self._clock()
         if clock is None:
             return Guessed((), tuple(self.problems))
-        t = without_jumps(self.table.columns[clock]) if clock else np.arange(float(self.table_length))
+        rows = len(next(iter(self.table.columns.values()), ()))
+        t = without_jumps(self.table.columns[clock]) if clock else np.arange(float(rows))
         run = longest_run(t)
         names = [name for name, each in self.about.items() if name != clock and each.kind not in ("time", "other")]
         dt = float(np.ptp(t[run])) / max(len(t[run]) - 1, 1)  # stamps that jitter have another median
@@ -126,11 +127,6 @@ class Guesser:
         if len(candidates) > 1 and not self.problems:
             self.problems.append("more than one mapping fits")
         return Guessed(tuple(candidates), tuple(self.problems), tuple(self.notes))
-
-    @property
-    def table_length(self) -> int:
-        """Number of rows."""
-        return len(next(iter(self.table.columns.values()), ()))
 
     # time ------------------------------------------------------------------------------------------------------------
 
