@@ -245,6 +245,26 @@ def test_a_channel_of_another_sample_time_is_interpolated_and_named(tmp_path: Pa
     assert record.force == pytest.approx(F[: len(record)], abs=1e-6)
 
 
+def test_a_row_ends_where_the_last_channel_ends(tmp_path: Path) -> None:
+    """An oversampled channel has more rows; the cells behind it are missing there, not empty."""
+    slow, fast = 1e3 * T, 200.0 * np.arange(5 * len(T)) / 500.0  # ms
+    force = np.interp(fast, slow, F)
+    pairs = zip(fast, force, strict=True)
+    body = [f"{t:.9g}\t{f:.9g}" for t, f in pairs]
+    body[: len(T)] = [
+        f"{row}\t{t:.9g}\t{x:.9g}\t{t:.9g}\t{2.0 * x:.9g}" for row, t, x in zip(body[: len(T)], slow, X, strict=True)
+    ]
+    names = "\t".join(f"Name\t{name}" for name in ("ActForce", "ActPos", "SetPos"))
+    units = "\t".join(f"Unit\t{unit}" for unit in ("N (Force)", "mm (Length)", "mm (Length)"))
+    text = HEAD + f"{names}\n{units}\n\n" + "\n".join(body).replace(".", ",") + "\nEOF\n"
+    measurement = read_measurement(saved(tmp_path, text))
+    (record,) = measurement.records
+    assert record.t == pytest.approx(T, abs=1e-9)
+    assert record.q == pytest.approx(1e-3 * X, abs=1e-9)
+    assert record.reference == pytest.approx(2e-3 * X, abs=1e-9)
+    assert record.force == pytest.approx(F, abs=1e-6)
+
+
 def test_a_text_in_a_channel_is_named_with_its_line(tmp_path: Path) -> None:
     text = scope((1e3 * T, 1e3 * T), (X, F))
     broken = text[: text.rindex("\t") + 1] + "overflow"
