@@ -106,6 +106,13 @@ def test_a_refusal_shows_what_is_known_and_what_is_missing(tmp_path: Path) -> No
         read_measurement(saved(tmp_path, "", T, Q))
 
 
+def test_a_signal_that_changes_in_the_last_sample_is_no_warning(tmp_path: Path) -> None:
+    """Of columns without names, one whose smoothed derivative is zero has no correlation with a velocity."""
+    switched = np.append(np.full(len(T) - 1, 0.5), 0.6)
+    path = saved(tmp_path, "", T, switched, Q, V, TAU)
+    assert used(read_measurement(path, DataMapping(path, option="time=1 s")))["position"] == "column 3"
+
+
 def test_a_motion_in_one_direction_says_nothing_about_the_sign(tmp_path: Path) -> None:
     """Friction that falls with the speed takes power, although less of it at higher speeds."""
     v = 1.0 + 0.5 * np.sin(2 * np.pi * 0.7 * T)

@@ -256,6 +256,15 @@ def test_forces_of_the_other_sign_are_named(tmp_path: Path) -> None:
     assert findings[0].measure == "Set sign = -1 for this column."
 
 
+def test_a_jump_of_the_position_is_named_although_the_intervals_differ(tmp_path: Path) -> None:
+    """Resampled by a spline, the jump has others beside it."""
+    t = T + np.random.default_rng(1).uniform(-2e-4, 2e-4, len(T))
+    jump = np.where(t < 0.4007, 0.0, 0.3)
+    findings = read_measurement(axis(tmp_path, t, motion(t) + jump, velocity(t))).findings
+    assert named(findings) == ["irregular-sampling", "position-jumps"]
+    assert f"once, first at t = {t[t < 0.4007][-1]:.6g} s" in findings[1].what
+
+
 def test_an_angle_that_begins_anew_after_each_turn_is_made_continuous_and_named(tmp_path: Path) -> None:
     turns = 500.0 * motion(T)  # 5 rad to either side
     path = axis(tmp_path, T, np.mod(turns + np.pi, 2 * np.pi) - np.pi, velocity(T))

@@ -16,6 +16,7 @@ from friction_fmus.identification.data.motion_tests import (
     SAME,
     DriveShare,
     SampledColumns,
+    correlation,
     longest_run,
     without_gaps,
     without_jumps,
@@ -361,7 +362,7 @@ class Guesser:
             self.data.smooth([motion.velocity or motion.position], 2.0, 0 if motion.velocity else 1)[:, 0]
             for motion in (a, b)
         )
-        return float(np.corrcoef(x, y)[0, 1])
+        return float(correlation(x, y[:, None])[0])
 
     # mapping ---------------------------------------------------------------------------------------------------------
 
