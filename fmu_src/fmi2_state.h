@@ -211,6 +211,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
 
 PACKAGER_EXPORT const Row *block_rows(size_t *count, size_t *values, int *traits, char *guid);
 PACKAGER_EXPORT void block_evaluate(double *values, int initializing);
+PACKAGER_EXPORT const char *block_violated(const double *values);
 
 PACKAGER_EXPORT const Row *block_rows(size_t *count, size_t *values, int *traits, char *guid)
 {
@@ -244,6 +245,15 @@ PACKAGER_EXPORT void block_evaluate(double *values, int initializing)
     evaluate(&m);
 #endif
     memcpy(values, &m, VALUES * sizeof(double));
+}
+
+/* Return the relation of parameters that `values` violate, or NULL. */
+PACKAGER_EXPORT const char *block_violated(const double *values)
+{
+    Model m;
+    memset(&m, 0, sizeof m);
+    memcpy(&m, values, VALUES * sizeof(double));
+    return violated(&m);
 }
 #endif
 

@@ -33,29 +33,29 @@ enum {
     INTERMEDIATE_3 = 128 /* in the callback of fmi3DoStep */
 };
 enum {
-    RUNNING_3                         = EVENTS_3 | STEPS_3 | CONTINUOUS_3,
-    ANY_3                             = NEW_3 | CONFIGURATION_3 | INITIALIZATION_3 | RUNNING_3 | TERMINATED_3,
-    MAY3_EnterConfigurationMode      = NEW_3,
-    MAY3_ExitConfigurationMode       = CONFIGURATION_3,
-    MAY3_EnterInitializationMode   = NEW_3,
-    MAY3_ExitInitializationMode    = INITIALIZATION_3,
-    MAY3_EnterEventMode            = STEPS_3 | CONTINUOUS_3,
-    MAY3_EnterStepMode               = EVENTS_3,
-    MAY3_EnterContinuousTimeMode   = EVENTS_3,
-    MAY3_Terminate                 = RUNNING_3,
-    MAY3_Get                       = INITIALIZATION_3 | RUNNING_3 | TERMINATED_3 | INTERMEDIATE_3,
-    MAY3_Set                       = NEW_3 | INITIALIZATION_3 | RUNNING_3,
-    MAY3_SetStructural               = CONFIGURATION_3,
-    MAY3_GetStructural               = MAY3_Get | CONFIGURATION_3,
-    MAY3_SetClock                    = EVENTS_3,
-    MAY3_GetInterval                 = INITIALIZATION_3 | EVENTS_3 | STEPS_3,
-    MAY3_UpdateDiscreteStates        = EVENTS_3,
-    MAY3_DoStep                    = STEPS_3,
-    MAY3_GetDerivative               = INITIALIZATION_3 | RUNNING_3 | TERMINATED_3,
-    MAY3_GetOutputDerivatives        = STEPS_3 | TERMINATED_3 | INTERMEDIATE_3,
-    MAY3_GetContinuousStates         = INITIALIZATION_3 | EVENTS_3 | CONTINUOUS_3 | TERMINATED_3,
-    MAY3_InContinuousTime            = CONTINUOUS_3,
-    MAY3_SetTime                   = EVENTS_3 | CONTINUOUS_3
+    RUNNING_3                    = EVENTS_3 | STEPS_3 | CONTINUOUS_3,
+    ANY_3                        = NEW_3 | CONFIGURATION_3 | INITIALIZATION_3 | RUNNING_3 | TERMINATED_3,
+    MAY3_EnterConfigurationMode  = NEW_3,
+    MAY3_ExitConfigurationMode   = CONFIGURATION_3,
+    MAY3_EnterInitializationMode = NEW_3,
+    MAY3_ExitInitializationMode  = INITIALIZATION_3,
+    MAY3_EnterEventMode          = STEPS_3 | CONTINUOUS_3,
+    MAY3_EnterStepMode           = EVENTS_3,
+    MAY3_EnterContinuousTimeMode = EVENTS_3,
+    MAY3_Terminate               = RUNNING_3,
+    MAY3_Get                     = INITIALIZATION_3 | RUNNING_3 | TERMINATED_3 | INTERMEDIATE_3,
+    MAY3_Set                     = NEW_3 | INITIALIZATION_3 | RUNNING_3,
+    MAY3_SetStructural           = CONFIGURATION_3,
+    MAY3_GetStructural           = MAY3_Get | CONFIGURATION_3,
+    MAY3_SetClock                = EVENTS_3,
+    MAY3_GetInterval             = INITIALIZATION_3 | EVENTS_3 | STEPS_3,
+    MAY3_UpdateDiscreteStates    = EVENTS_3,
+    MAY3_DoStep                  = STEPS_3,
+    MAY3_GetDerivative           = INITIALIZATION_3 | RUNNING_3 | TERMINATED_3,
+    MAY3_GetOutputDerivatives    = STEPS_3 | TERMINATED_3 | INTERMEDIATE_3,
+    MAY3_GetContinuousStates     = INITIALIZATION_3 | EVENTS_3 | CONTINUOUS_3 | TERMINATED_3,
+    MAY3_InContinuousTime        = CONTINUOUS_3,
+    MAY3_SetTime                 = EVENTS_3 | CONTINUOUS_3
 };
 /* clang-format on */
 
@@ -920,9 +920,11 @@ fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueRefere
 #define EXCHANGE(call)
 #endif
 
-fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance){
-    ENTER_EXCHANGE("EnterContinuousTimeMode", MAY3_EnterContinuousTimeMode)
-        EXCHANGE(entered_3(c, fmi2EnterContinuousTimeMode(c -> inside), CONTINUOUS_3))}
+fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance)
+{
+    ENTER_EXCHANGE("EnterContinuousTimeMode", MAY3_EnterContinuousTimeMode);
+    EXCHANGE(entered_3(c, fmi2EnterContinuousTimeMode(c->inside), CONTINUOUS_3));
+}
 
 fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean keeps_no_state, fmi3Boolean *event,
                                        fmi3Boolean *terminate)

@@ -73,6 +73,7 @@ class Description(BlockVariables):
     initial_dependencies: dict[int, tuple[int, ...]]
     """For the value reference of each unknown, the value references of the knowns on which it depends: in step mode
     (inputs, continuous states, time) and in initialization mode (inputs, exact variables, time)."""
+    violated: str  # relation of parameters that the start values violate; empty: none
 
 
 def describe(library: Path, computed: Mapping[str, Iterable[str]] | None = None) -> Description:
@@ -87,7 +88,7 @@ def describe(library: Path, computed: Mapping[str, Iterable[str]] | None = None)
     for dependencies, roles in zip(found, ((INPUT,), (INPUT, PARAMETER, FIXED, STATE)), strict=True):
         _add(dependencies, rows.variables, computed or {}, roles)
         _follow_limit(dependencies, rows.variables)
-    return Description(rows.variables, rows.guid, rows.sampled, rows.exchanges, rows.events, *found)
+    return Description(rows.variables, rows.guid, rows.sampled, rows.exchanges, rows.events, *found, block.violated())
 
 
 def read_variables(library: Path) -> BlockVariables:
@@ -173,10 +174,16 @@ class _Probe:
         self._evaluate = handle.block_evaluate
         self._evaluate.restype = None
         self._evaluate.argtypes = (ctypes.c_void_p, ctypes.c_int)
+        self._violated = handle.block_violated
+        self._violated.restype = ctypes.c_char_p
         self._size = size
         self._variables = variables
         self._sampled = sampled
         self._random = random.Random(1)
+
+    def violated(self) -> str:
+        """Return the relation of parameters that the start values violate."""
+        return (self._violated((ctypes.c_double * self._size)(*self._point(plain=True))) or b"").decode()
 
     def dependencies(self, initial: bool) -> dict[int, tuple[int, ...]]:
         """Return the knowns on which each output and derivative depends, both as value references."""

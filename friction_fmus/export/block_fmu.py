@@ -346,6 +346,8 @@ def _check_start_values(block: Block, description: Description) -> None:
                 f"The start value {v.name} = {v.start:g} of {block.name} lies outside "
                 f"[{v.min:g}, {v.max:g}]; choose a value inside"
             )
+    if description.violated:
+        raise BuildError(f"The start values of {block.name} violate {description.violated}; choose others")
 
 
 def computed(block: Block) -> dict[str, tuple[str, ...]]:

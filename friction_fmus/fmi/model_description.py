@@ -78,17 +78,17 @@ LOG_CATEGORIES: Final = {
 """Log categories, as in fmi2_modes.h."""
 
 
+FRICTION_FLANGE = ("v", "F", "inflow")
 FLANGES = (
-    ("v", "F", "inflow"),
     ("v_rel", "F_friction", "outflow"),
     ("v", "F_friction", "outflow"),
     ("v", "F_ext", "inflow"),
     ("v", "F_load", "inflow"),
     ("v", "F_drive", "inflow"),
 )
-"""Velocity and force of a flange, and the direction of the force. The first pair with an input and an output in the
-block counts; the first of all is for friction only, as F of a motor drives a mass. F flows into a friction model;
-F_friction flows out of a mass, and other forces into it, so that the forces at a connection add up to zero."""
+"""Velocity and force of a flange, and the direction of the force, of a friction model and of others, whose F drives a
+mass. The first pair with an input and an output in the block counts. F flows into a friction model; F_friction flows
+out of a mass, and other forces into it, so that the forces at a connection add up to zero."""
 
 SIDES = (("flange", ""), ("flange_a", "1"), ("flange_b", "2"))
 """Name of a flange and suffix of its variables; the sides of a drive are named as in the Modelica library."""
@@ -143,7 +143,8 @@ class Terminal:
 def terminals(description: Description, kind: str) -> tuple[Terminal, ...]:
     """Return the flanges and references of a block of this kind, found by the names of its inputs and outputs."""
     ports = {v.name: v for v in description.variables if v.role in (INPUT, OUTPUT, STATE_OUTPUT)}
-    return tuple(chain(_flanges(ports, FLANGES if kind == "friction" else FLANGES[1:]), _references(ports)))
+    pairs = (FRICTION_FLANGE, *FLANGES) if kind == "friction" else FLANGES
+    return tuple(chain(_flanges(ports, pairs), _references(ports)))
 
 
 def _flanges(ports: Mapping[str, BlockVariable], pairs: Sequence[tuple[str, str, str]]) -> Iterator[Terminal]:
@@ -154,7 +155,7 @@ def _flanges(ports: Mapping[str, BlockVariable], pairs: Sequence[tuple[str, str,
                 members = Member("v", v.name), Member("F", F.name, direction)
                 domain = DOMAINS.get(v.unit, "dimensionless")
                 right = name == "flange_b" or (name == "flange" and v.role != INPUT)
-                text = f"{v.text}; {F.text}".replace("optional: ", "")
+                text = "; ".join(each.text.removeprefix("optional: ") for each in (v, F))
                 yield Terminal(name, text, domain, "plug", members, right)
                 break
 

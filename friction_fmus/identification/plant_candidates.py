@@ -47,7 +47,7 @@ SLOW: Final = SPEEDS[1]  # speed over the largest one below which the axis may s
 PRESLIDING: Final = (1e-4, 2.5e-4, 6e-4, 1.5e-3, 4e-3, 1e-2, 2.5e-2)  # break-away distances of elements, over stroke
 PROMISING, EXPLAINED = 0.85, 0.6  # parts of the residual that a second mass may leave after the first and last search
 LIGHTEST: Final = 0.1  # part of the moved mass below which a second mass is not one
-AWAY: Final = 0.02  # part by which a frequency misses the minimum that its slope shows, above which it is not certain
+AWAY: Final = 0.02  # relative step to the minimum of a fitted frequency, above which the frequency is uncertain
 DAMPED: Final = 0.25  # damping ratio above which a second mass does not resonate
 ALIKE: Final = 1.05  # what friction that differs between parts leaves, without and with a drift, if there is none
 PARTS: Final = 16  # parts of the record between which the friction may differ
@@ -584,12 +584,14 @@ def _of_second_mass(balance: ForceBalance, second: SecondMass) -> Iterator[tuple
     behind = friction / Fc if Fc else 0.0
     flexible = FlexibleLoad(load / (motor + load), w, D, behind, motor + load)
     low, high = w / (2.0 * pi), flexible.resonance
+    resonance = f"about {high:.2g}" if away else f"{high:.3g}"
     rubs = f", and friction of {friction:.3g} {u.N} behind it" if behind > 0.05 else ""
     what += (
-        f"a spring{rubs}: resonance at {high:.3g} Hz, antiresonance at {shown(low, low * errors[own + 2])} Hz with "
+        f"a spring{rubs}: resonance at {resonance} Hz, antiresonance at {shown(low, low * errors[own + 2])} Hz with "
         f"a damping ratio of {D:.2g}."
     )
-    change = f"Set resonance = [{high:.3g}] in [axis]; results for a rigid {u.mass} hold only well below {low:.3g} Hz."
+    known = "Measure the resonance, and set it as resonance" if away else f"Set resonance = [{high:.3g}]"
+    change = f"{known} in [axis]; results for a rigid {u.mass} hold only well below {low:.3g} Hz."
     yield RecordFinding("two-masses", what, change), flexible
 
 

@@ -402,6 +402,23 @@ def test_bad_start_value_is_refused(value: str, tmp_path: Path, capsys: pytest.C
     assert not (tmp_path / "new").exists()
 
 
+@pytest.mark.parametrize(
+    ("block", "values", "relation"),
+    [
+        ("Actuator", ("F_min=10", "F_max=5"), "F_min <= F_max"),
+        ("PID", ("u_min=5", "u_max=1"), "u_min <= u_max"),
+        ("BlimanSorine", ("f2=3",), "f2 <= f1"),
+    ],
+)
+def test_build_refuses_start_values_that_a_run_would_refuse(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], block: str, values: tuple[str, ...], relation: str
+) -> None:
+    arguments = (argument for value in values for argument in ("--set", value))
+    said = fails(capsys, "build", block, "-o", tmp_path / "new", *arguments)
+    assert f"The start values of {block} violate {relation}" in said
+    assert not (tmp_path / "new").exists()
+
+
 def test_name_that_is_no_identifier_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "3 bad" in fails(capsys, "build", "LuGre", "-o", tmp_path, "--name", "3 bad")
 

@@ -179,6 +179,16 @@ def test_a_time_in_which_the_period_is_lost_is_refused_and_not_waited_for(librar
         assert status in (0, WARNING) or (run.serialised() == before and info.next == -7.0)
 
 
+def test_an_event_of_more_samples_than_a_call_takes_is_refused_and_takes_none(library: Library) -> None:
+    with Instance(library, kind=MODEL_EXCHANGE) as run:
+        run.exchange(START, **drawn(library, 5, 1)[0])
+        run.must("SetTime", START + 1.1e6 * period(library))
+        run.must("EnterEventMode")
+        before = run.serialised()
+        assert run.call("NewDiscreteStates", EventInfo()) not in (0, WARNING)
+        assert run.serialised() == before
+
+
 @pytest.mark.parametrize("early", [0.0, -1.0, 1.0])
 def test_samples_at_large_times(build_fmu: Callable[..., Path], early: float) -> None:
     """From a Unix time, where an importer may miss the time of an event by a rounding error: each event is a sample.

@@ -19,9 +19,19 @@ from harness.errors import BuildError
 
 
 def with_sources(
-    given: Path, path: Path, *, before: str = "", step: str = "", gain: str = "1.0", once: bool = False
+    given: Path,
+    path: Path,
+    *,
+    before: str = "",
+    step: str = "",
+    gain: str = "1.0",
+    once: bool = False,
+    access: str = "fmi2OK",
 ) -> Path:
-    """A foreign FMU with its source; definitions before it, a statement in each step, a factor of a GAIN."""
+    """A foreign FMU with its source; definitions before it, a statement in each step, a factor of a GAIN.
+
+    `access` is the status of reading and setting a value.
+    """
     with ZipFile(given) as archive, ZipFile(path, "w") as written:
         for member in archive.namelist():
             data = archive.read(member)
@@ -34,6 +44,7 @@ def with_sources(
             written.writestr(member, data)
         text = (SOURCES / "foreign.c").read_text()
         text = text.replace("r[2] * r[1] + r[3]", f"r[2] * r[1] * {gain} + r[3]")
+        text = re.sub(r"(v\[i\];[ \\\n]+return )fmi2OK", rf"\1{access}", text)
         text = text.replace("    const double limit", f"    {step}\n    const double limit")
         written.writestr("sources/foreign.c", before + text)
     return path
@@ -65,6 +76,14 @@ def test_a_part_that_ends_the_simulation_ends_that_of_the_composite(
         found = system.run(stop=1.0, step=0.1, record=["whole.p.x"])
     assert found.attrs["ended"] == "part 'whole' ended the simulation in the step from t = 0.6 s"
     np.testing.assert_allclose(found["whole.p.x"], 1.0 - np.exp(-np.arange(7) * 0.1 / 0.5), rtol=1e-12)
+
+
+def test_warnings_of_a_part_are_no_errors(foreign: Callable[..., Path], tmp_path: Path) -> None:
+    part = FmuPart("p", with_sources(foreign("PLANT", states=True), tmp_path / "p.fmu", access="fmi2Warning"))
+    with System([part], start={"p.u": 1.0}, experiment=Experiment(stop=1.0, step=0.1)) as system:
+        system.to_fmu(tmp_path / "Whole.fmu")
+    found = run_composite(tmp_path / "Whole.fmu", 1.0, 0.1)["p.x"]
+    np.testing.assert_allclose(found, 1.0 - np.exp(-np.arange(11) * 0.1 / 0.5), rtol=1e-12)
 
 
 def test_an_fmu_that_cannot_save_its_state_is_refused(foreign: Callable[..., Path], tmp_path: Path) -> None:

@@ -223,7 +223,7 @@ def test_a_pause_ends_as_a_start(any_library: Library) -> None:
 
 
 def test_switching_on_at_rest_is_no_bump(any_library: Library) -> None:
-    """An axis that rests on its reference, far from 0, after a time of anything: no force but gravity, from then on."""
+    """An axis that rests on its reference, far from 0, after any inputs: no force but gravity, from then on."""
     library = any_library
     place = random.Random(library.identifier).uniform(1.0, 2.0)
     gravity = math.sin(place) if library.identifier == "LoadFeedforward" else 0.0

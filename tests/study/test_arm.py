@@ -105,23 +105,29 @@ def test_gravity_and_load_of_a_record_are_identified() -> None:
 
 
 @landing
-def test_the_fit_to_the_closed_loop_keeps_the_load(tmp_path: Path) -> None:
-    """A Coulomb friction that is 20 % too small becomes right, and the friction over the transmitted force stays so."""
+@pytest.mark.parametrize(("name", "factor", "tolerance"), [("Fc", 0.8, 0.03), ("a", 0.7, 0.05)])
+def test_the_fit_to_the_closed_loop_corrects_friction_under_load(
+    tmp_path: Path, name: str, factor: float, tolerance: float
+) -> None:
+    """A Coulomb friction, or the friction over the transmitted force, that is too small; the other one stays right."""
     measured = record()
     n = len(measured)
     train, rest = measured.window(0.0, float(measured.t[n // 2])), measured.window(float(measured.t[n // 2]), n * TS)
-    values = {"M": ARM.M, "Fc": 0.8 * ARM.Fc, "Fs": ARM.Fs, "Fv": ARM.Fv}
-    rows = tuple(IdentifiedParameter(name, value, 0.01 * value, "1", "") for name, value in values.items())
-    friction = {**FRICTION, "Fc": 0.8 * ARM.Fc, "Fn0": 0.8 * ARM.Fc}
+    values = {"M": ARM.M, "Fc": ARM.Fc, "Fs": ARM.Fs, "Fv": ARM.Fv} | ({"a": ARM.a} if name == "a" else {})
+    values[name] *= factor
+    rows = tuple(IdentifiedParameter(each, value, 0.01 * value, "1", "") for each, value in values.items())
+    friction = {**FRICTION, "Fc": values["Fc"], "Fn0": values["Fc"]}
+    terms = TERMS | dict.fromkeys(("a_drive", "a_external"), values.get("a", ARM.a))
     row = ModelResult("Stribeck", find("Stribeck").name, parameters=rows)
     table = gravity_map(ARM.G_sin, ARM.G_cos)
-    wrong = IdentifiedModel(row, "Stribeck", friction, ARM.M, position_map=table, terms=TERMS)
+    wrong = IdentifiedModel(row, "Stribeck", friction, ARM.M, position_map=table, terms=terms)
     servo_of_record = Measured(
         SERVO, trajectory(tmp_path, motion=False), measured.q, measured.force, moves()[0], (0, n // 2), (n // 2, n)
     )
-    found = refine(in_closed_loop(wrong, servo_of_record), servo_of_record, [train], [rest])
+    plant = (found := refine(in_closed_loop(wrong, servo_of_record), servo_of_record, [train], [rest])).plant
     assert found.row.method.endswith("closed-loop")
-    assert found.plant.values["Fn0"] == found.plant.values["Fc"] == pytest.approx(ARM.Fc, rel=0.03)
+    assert plant.values["Fn0"] == plant.values["Fc"] == pytest.approx(ARM.Fc, rel=tolerance)
+    assert plant.terms["a_drive"] == plant.terms["a_external"] == pytest.approx(ARM.a, rel=tolerance)
 
 
 def test_an_arm_at_rest_under_load_does_not_narrow_the_band_of_its_mass() -> None:

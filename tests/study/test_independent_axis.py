@@ -319,10 +319,11 @@ def test_a_load_whose_swing_the_encoder_hides_has_no_errors(tmp_path: Path) -> N
     """Steps of 1 um of the position ring in the simulated spring of 328 N/mm as much as what the load leaves."""
     AXES["belt_60_Hz"].write(tmp_path, "belt_60_Hz")
     found = plant_findings(read_records(tmp_path / "axis.toml"), AXES["belt_60_Hz"].servo["limit"])[0]
-    (text,) = (each.what for each in found if each.name == "two-masses")
-    assert "±" not in text
-    (low,) = re.findall(r"antiresonance at about (\d+) Hz", text)
+    (finding,) = (each for each in found if each.name == "two-masses")
+    assert "±" not in finding.what
+    (low,) = re.findall(r"resonance at about \d+ Hz, antiresonance at about (\d+) Hz", finding.what)
     assert float(low) == pytest.approx(60.0 * sqrt(3.0 / 13.0), rel=0.1)
+    assert finding.measure.startswith("Measure the resonance, and set it as resonance in [axis]")
 
 
 @landing
