@@ -209,6 +209,13 @@ def test_a_force_that_is_clipped_forbids_its_use_but_not_one_that_is_limited(tmp
         assert ("force-clipped" in found) == (not limited), found
 
 
+def test_a_largest_force_in_the_last_sample_is_no_limit(tmp_path: Path) -> None:
+    t = T[:200]
+    force = velocity(t)
+    force[-1] = 2.0 * force.max()
+    assert forbidding(axis(tmp_path, t, motion(t), force)) == []
+
+
 def test_dwells_and_counts_of_an_encoder_are_no_faults(tmp_path: Path) -> None:
     """A slow stroke with stops in counts of 10 um, whose ends are reached with a constant deceleration."""
     stroke = np.repeat([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0, 0.0], [100, 200, 100, 100, 100, 200, 100, 100])

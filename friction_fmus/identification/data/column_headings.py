@@ -127,7 +127,7 @@ QUALIFIERS: Final[Mapping[str, tuple[str, ...]]] = {
         lim, limit, limits, max, min, ff, feedforward, temp, temperature, temperatur, bus, dc, status, state, fault,
         alarm, mode, flag, index, counter, count, cycle, sample, samples, nr, no, number, id, isd, external, ext,
         gain, limiter, rated, vibration, power, leistung, friction, reibung, reibkraft, reibmoment, normal,
-        disturbance, zaehler, zähler, pressure, druck, gripper, humidity, inp,
+        disturbance, zaehler, zähler, pressure, druck, gripper, humidity, inp, battery, batterie, supply, ee, tcp,
         温度, 限制, 制限, 上限, 下限, 状态, 状態, 功率, 電力, 摩擦, 计数
     """),
 }
@@ -237,7 +237,7 @@ def about(heading: str, unit: str) -> ColumnMeaning:
     if by_unit and by_unit in found:
         found = [by_unit]
     if set(words) & {"qd"} and not found:
-        return ColumnMeaning("velocity", "", axis, its_unit, True)
+        return ColumnMeaning("velocity", qualifier, axis, its_unit, True)
     if qualifier == "other" and by_unit != "time":
         return ColumnMeaning("other", qualifier, axis, its_unit, True)
     if not found and by_unit:
