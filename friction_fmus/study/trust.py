@@ -128,10 +128,25 @@ def static_friction_findings(best: IdentifiedModel, units: AxisUnits) -> tuple[S
     if identified is None or simulated is None or identified == simulated:
         return ()
     what = (
-        f"The record does not determine the static friction of {best.row.name}: {identified:.3g} {units.force} would "
-        f"fit. The simulated axis has its Coulomb friction, {simulated:.3g} {units.force}, instead."
+        f"The record does not determine the static friction of {best.row.name}: {identified:.3g} {units.words.N} would "
+        f"fit. The simulated axis has its Coulomb friction, {simulated:.3g} {units.words.N}, instead."
     )
     return (StudyFinding("static-friction-unknown", what, "Record slow strokes at constant speeds."),)
+
+
+UNEXPLAINED: Final = 50.0  # residual of the best model above which a record says little about friction [%]
+
+
+def unexplained_force_findings(best: IdentifiedModel, units: AxisUnits) -> tuple[StudyFinding, ...]:
+    """Return a finding if the best model leaves most of the force."""
+    fit = best.row.validation or best.row.train
+    if fit is None or fit.unit != units.force or fit.percent <= UNEXPLAINED:
+        return ()
+    what = (
+        f"The best model leaves {fit.percent:.3g} % of the {units.words.force}: more than {units.words.mass} and "
+        "friction acts on the axis, or a column is not the right one. Do not use the parameters."
+    )
+    return (StudyFinding("force-not-explained", what, "Check the columns, and record this axis moving alone."),)
 
 
 NEGLIGIBLE: Final = 1e-3  # Coulomb friction over the rms drive force, below which a record shows none
@@ -147,8 +162,8 @@ def dry_friction_findings(models: Sequence[IdentifiedModel], record: Record) -> 
     if size >= NEGLIGIBLE * force:
         return ()
     what = (
-        f"The record shows no dry friction: the best model has {size:.2g} {units.force} of {force:.3g} {units.force} "
-        f"rms drive {units.words.force}. Do not use this value or its interval."
+        f"The record shows no dry friction: the best model has {size:.2g} {units.words.N} of {force:.3g} "
+        f"{units.words.N} rms drive {units.words.force}. Do not use this value or its interval."
     )
     change = f"What remains to compensate are {units.words.mass} and viscous friction."
     return (StudyFinding("no-dry-friction", what, change),)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from friction_fmus.identification import ROTARY, RecordError, read_measurement, read_records
-from friction_fmus.identification.data.column_headings import Meaning, meaning_of
+from friction_fmus.identification.data.column_headings import ColumnMeaning, Meaning, about, meaning_of
 from friction_fmus.identification.data.formats import read_table
 
 T = np.arange(100) * 2e-3
@@ -90,6 +90,23 @@ def test_headings_of_drives_in_english_and_german(heading: str, unit: str, role:
 )
 def test_headings_of_other_signals_are_not_mistaken(heading: str, unit: str) -> None:
     assert meaning_of(heading, unit) is None
+
+
+@pytest.mark.parametrize(
+    ("heading", "kind", "qualifier", "axis"),
+    [
+        ("tau_J1", "force", "", "1"),  # a joint of libfranka, no joule
+        ("tau_J", "force", "", ""),
+        ("pos_m2", "position", "", "2"),  # a motor, no square metre
+        ("current_A1", "force", "", "1"),  # an axis of KUKA, no ampere
+        ("qd_cmd[3]", "velocity", "reference", "3"),
+        ("ee_pos[0]", "other", "other", "0"),
+        ("actual_TCP_pose_0", "other", "other", "0"),
+        ("BatteryVoltage", "other", "other", ""),
+    ],
+)
+def test_headings_of_robots(heading: str, kind: str, qualifier: str, axis: str) -> None:
+    assert about(heading, "") == ColumnMeaning(kind, qualifier, axis, "", True)
 
 
 @pytest.mark.parametrize(

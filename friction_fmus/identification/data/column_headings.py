@@ -139,6 +139,9 @@ _OBJECT = re.compile(r"(0x[0-9a-f]{4}|[0-9a-f]{4}h)([:._\s]?(0x)?[0-9a-f]{1,2})?
 _AXIS = re.compile(r"(axis|achse|ax|joint|gelenk|motor|drive|antrieb|channel|kanal|ch)?\d*|[xyzabc]\d*")
 """Words that name an axis, not a signal."""
 
+_NUMBERED = re.compile(r"[A-Za-z]+\d+|J")
+"""Joints and motors that look like units, as in ``tau_J1`` and ``pos_m2``."""
+
 _BEFORE_UNIT = re.compile(r"\s+in\s+|\s*/\s*|_|,\s*|\s+")
 
 
@@ -169,7 +172,7 @@ def _readings(heading: str, unit: str) -> Iterator[tuple[str, str]]:
     yield heading, unit
     for split in () if unit or len(heading) > LONGEST else _BEFORE_UNIT.finditer(heading):
         rest = heading[split.end() :].strip("()[] ")
-        if unit_of(rest) is not None:
+        if unit_of(rest) is not None and not _NUMBERED.fullmatch(rest):
             yield heading[: split.start()], rest
 
 
