@@ -62,7 +62,6 @@ from friction_fmus.study.trust import (
     narrow,
     not_trusted,
     static_friction_findings,
-    unexplained_force_findings,
     without_loop,
 )
 from friction_fmus.study.what_if import WhatIf, panel_of
@@ -421,8 +420,7 @@ class _Study:
                 f"{best.row.reason}"
             )
         findings += [*static_friction_findings(best, record.units), *bias_findings(best, record)]
-        unexplained = unexplained_force_findings(best, record.units)
-        return judged, [*findings, *(unexplained or dry_friction_findings(judged, record))]
+        return judged, [*findings, *dry_friction_findings(judged, record)]
 
     def _missing(self, data: Data, best: IdentifiedModel) -> str:
         """Return the reason why no compensator can be simulated; empty if they can."""

@@ -25,7 +25,7 @@ from friction_fmus.study.data import load_data, measured_servo
 from friction_fmus.study.model_ranking import IdentifiedModel, Measured, identify_model, in_closed_loop, refine
 from friction_fmus.study.servo_check import check_servo
 from friction_fmus.study.study_result import Fit, ModelResult
-from friction_fmus.study.trust import dry_friction_findings, force_findings, loop_growth, unexplained_force_findings
+from friction_fmus.study.trust import dry_friction_findings, force_findings, loop_growth
 from harness import System
 from harness.system.wire import parse_wire
 
@@ -246,12 +246,12 @@ def test_a_record_without_dry_friction(part: float, names: list[str]) -> None:
 @pytest.mark.parametrize(("percent", "unit", "found"), [(91.0, "A", True), (30.0, "A", False), (91.0, "m", False)])
 def test_a_force_that_no_model_explains(percent: float, unit: str, found: bool) -> None:
     """A joint that others move says nothing about dry friction; a residual of the position is another matter."""
+    t = np.arange(100) * 0.01
+    record = Record("joint", t, q=np.sin(t), force=np.cos(t), units=units_of_channels("m", "A"))
     row = ModelResult("Coulomb", "", validation=Fit(9.1, percent, "force", unit), rank=1)
-    findings = unexplained_force_findings(
-        IdentifiedModel(row, "Coulomb", {"Fc": 0.0}, 1.0), units_of_channels("m", "A")
-    )
-    assert [finding.name for finding in findings] == ["force-not-explained"] * found
-    assert not found or "leaves 91 % of the current: more than inertia and friction acts" in findings[0].what
+    (finding,) = dry_friction_findings([IdentifiedModel(row, "Coulomb", {"Fc": 0.0}, 1.0)], record)
+    assert finding.name == ("force-not-explained" if found else "no-dry-friction")
+    assert not found or "leaves 91 % of the current: more than inertia and friction acts" in finding.what
 
 
 def test_a_force_beyond_the_limit_of_the_servo() -> None:

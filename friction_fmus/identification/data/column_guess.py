@@ -27,8 +27,8 @@ from harness.units import BaseUnit
 
 EXPLAINED: Final = 0.5, 0.7  # least share of the variance of a drive signal with and without a name
 CLEARER: Final = 2.0  # ratio of what is left unexplained above which the better of two guesses is clear
-RATES: Final = (10.0, 5e4)  # sample rates of axes; a time without unit is only read if one unit leads to them [Hz]
-SLOW: Final = 0.2  # lowest rate over that of `RATES` at which a computer may poll a drive, with times in s
+SLOWEST: Final = {"s": 2.0, "ms": 10.0, "us": 10.0, "ns": 10.0}  # sample rates [Hz]; a computer polls slowly, in s
+FASTEST: Final = 5e4  # sample rate of an axis; a time without unit is only read if one unit leads to such rates [Hz]
 EVEN: Final = 0.1  # share of the samples below which the longest run of equal intervals says too little about them
 LATE: Final = 0.3  # share of the difference of two signals that a lag explains if one is the command of the other
 CLOSE: Final = 0.03  # relative difference of a factor between two columns that rounding and noise can cause
@@ -127,8 +127,8 @@ class Guesser:
             self.problems.append("no column is recognised as a position or velocity")
         elif not fits_found:
             moved = " or ".join(list(dict.fromkeys(repr(motion.main) for motion in motions))[:3])
-            of_axis = [fit for fit in every if self.about[fit.force].axis == fit.motion.axis]
-            if named := [fit for fit in of_axis if self.about[fit.force].named]:
+            named = [fit for fit in every if (each := self.about[fit.force]).named and each.axis == fit.motion.axis]
+            if named:
                 self.problems.append(f"no force, torque or current explains half of the motion of {moved}")
                 fits_found = sorted(named, key=lambda fit: fit.drive.share, reverse=True)
             else:
@@ -201,8 +201,7 @@ class Guesser:
             by_period = [name for name, each in TIMES.items() if abs(dt * each / self.table.period - 1.0) < CLOSE]
             if by_period:
                 return [(Column(clock, by_period[0]), f"in {by_period[0]}, as the file states its sample time")]
-        rates = {name: 1.0 / (dt * each) for name, each in TIMES.items()}
-        usual = [name for name, rate in rates.items() if RATES[0] * (SLOW if name == "s" else 1.0) <= rate <= RATES[1]]
+        usual = [name for name, each in TIMES.items() if SLOWEST[name] <= 1.0 / (dt * each) <= FASTEST]
         agreeing = [name for name in TIMES if self._agrees(motion, TIMES[name])]
         known = unit_of(self.about[motion.position].unit) if motion.slope else None
         if len(agreeing) == 1 and (agreeing == usual or (known is not None and agreeing[0] in usual)):
@@ -212,8 +211,8 @@ class Guesser:
                 why = f"with which {motion.velocity!r} is in rpm at {turn:.0f} counts a turn"
             return [(Column(clock, agreeing[0]), f"has no unit; taken as {agreeing[0]}, {why}")]
         if len(usual) == 1 and (self.about[clock].named or abs(motion.slope - 1.0) < CLOSE):
-            why = f"has no unit; only {usual[0]} gives a usual sample rate, {rates[usual[0]]:.4g} Hz"
-            return [(Column(clock, usual[0]), why)]
+            rate = 1.0 / (dt * TIMES[usual[0]])
+            return [(Column(clock, usual[0]), f"has no unit; only {usual[0]} gives a usual sample rate, {rate:.4g} Hz")]
         self.problems.append(f"the time {clock!r} has no unit")
         return [(Column(clock, name), "") for name in usual or TIMES]
 

@@ -139,9 +139,7 @@ _OBJECT = re.compile(r"(0x[0-9a-f]{4}|[0-9a-f]{4}h)([:._\s]?(0x)?[0-9a-f]{1,2})?
 _AXIS = re.compile(r"(axis|achse|ax|joint|gelenk|motor|drive|antrieb|channel|kanal|ch)?\d*|[xyzabc]\d*")
 """Words that name an axis, not a signal."""
 
-_NUMBERED = re.compile(r"[A-Za-z]+\d+|J")
-"""Joints and motors that look like units, as in ``tau_J1`` and ``pos_m2``."""
-
+_NUMBERED = re.compile(r"[A-Za-z]+\d+|J")  # joints and motors that look like units: tau_J1, pos_m2
 _BEFORE_UNIT = re.compile(r"\s+in\s+|\s*/\s*|_|,\s*|\s+")
 
 

@@ -312,8 +312,7 @@ def position_findings(records: Sequence[Record]) -> Iterator[RecordFinding]:
 
 def position_jumps(q: Array, t: Array, quantum: float, unit: str) -> Iterator[RecordFinding]:
     """Yield a finding about a position that jumps, such as an angle that wraps or a counter that was reset."""
-    intervals = np.diff(t)
-    size = np.abs(np.diff(q))
+    size, intervals = np.abs(np.diff(q)), np.diff(t)
     steps = size * np.minimum(1.0, np.median(intervals) / intervals)
     usual = float(np.quantile(steps, OTHERS))
     beside = np.maximum(np.append(steps[1:], 0.0), np.append(0.0, steps[:-1]))
