@@ -80,7 +80,8 @@ class AxisUnits:
         words = TURNING if self.rotary else SLIDING
         if self.known:
             return words
-        units = {name: self.own(unit) for name, unit in words._asdict().items() if name in Words._fields[5:]}
+        own = {name: self.own(unit) for name, unit in words._asdict().items() if name in Words._fields[5:]}
+        units = {name: "units" if unit == "1" else unit for name, unit in own.items()}
         nouns = {"mass": "inertia", "a_mass": "an inertia", "moving_mass": "inertia", "moved_mass": "inertia"}
         amperes = self.force.endswith("A")
         force = "current" if amperes else "torque" if self.force.endswith("N.m") else words.force

@@ -342,8 +342,10 @@ def law_of(model: str | Path) -> Law:
 
 
 def start_values(law: Law, start: Mapping[str, float | bool]) -> dict[str, tuple[float, ...]]:
-    """Return the start values of a law by variable, with some changed."""
+    """Return the start values of a law by variable, with some changed; that of Fn is Fn0 unless it is given."""
     values = {variable.name: variable.starts for variable in law.given}
+    if "Fn0" in start and "Fn" in values:
+        start = {"Fn": start["Fn0"], **start}
     for name, value in start.items():
         _set(law, values, name, value)
     if broken := law.conditions.violated(values):

@@ -78,7 +78,8 @@ def build(
     out_dir : path-like
         Folder for ``NAME.fmu``, or for the folder ``NAME-wasm``; it is created if needed.
     start : mapping of str to number, optional
-        New default start values, in the units of the block, or with a unit: ``{"Fc": "0.002 kN"}``.
+        New default start values, in the units of the block, or with a unit: ``{"Fc": "0.002 kN"}``. The normal force
+        Fn begins with that of the parameters, Fn0, unless it is given.
     name : str, optional
         Model identifier and file name, if different from the model's name.
     files : mapping of str to str, optional

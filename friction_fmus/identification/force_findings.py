@@ -161,7 +161,8 @@ def clipped_force(records: Sequence[Record], equations: DriveEquations) -> Recor
     for side in (1.0, -1.0):
         limit = side * force >= np.max(side * force) - near
         stuck = np.interp(t, at, limit.astype(float)) > 0.99
-        if np.mean(limit) < PILED or np.mean(limit[1:][limit[:-1]]) < 0.5 or np.count_nonzero(stuck) < FEW:
+        alone = 2 * np.count_nonzero(limit[1:] & limit[:-1]) < np.count_nonzero(limit[:-1])
+        if np.mean(limit) < PILED or alone or np.count_nonzero(stuck) < FEW:
             continue
         a, rest = A[stuck, 0], A[stuck, 1:] / np.maximum(np.linalg.norm(A[stuck, 1:], axis=0), 1e-300)
         varies = float(np.std(a - rest @ np.linalg.lstsq(rest, a, rcond=None)[0]))

@@ -20,6 +20,7 @@ from friction_fmus.identification import Array, Measurement, Record, read_measur
 from friction_fmus.identification.data.mapping import read_mapping
 from friction_fmus.identification.data.reading import default_windows
 from friction_fmus.identification.fit.idim import filtered_motion
+from friction_fmus.identification.model_comparison import long_enough
 from friction_fmus.study.config import ConfigError, StudyConfig
 from friction_fmus.study.model_ranking import Measured
 
@@ -184,7 +185,7 @@ def _windows(
                 f"{origin}, [windows], has {name} = [{low:g}, {high:g}], but the record extends from {begin:g} to "
                 f"{end:g} s; choose a window of at least 50 samples inside it."
             )
-        return tuple(replace(r.window(low, high), name=r.name) for r in inside)
+        return long_enough([replace(r.window(low, high), name=r.name) for r in inside])
 
     train = cut("train")
     if not train:

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.axis.loop_assembly import block, typed, viscous_beside
-from friction_fmus.identification import Array, AxisUnits, Record
+from friction_fmus.identification import LINEAR, ROTARY, Array, AxisUnits, Record
 from friction_fmus.identification.fit.idim import decimate, filtered_motion
 from friction_fmus.identification.fit.scores import rms
 from friction_fmus.study.model_ranking import IdentifiedModel
@@ -141,7 +141,8 @@ def driven_friction(found: IdentifiedModel, units: AxisUnits, t: Array, v: Array
     contact = FmuPart("friction", block(found.block, units.rotary))
     inputs = {port.name for port in contact.inputs}
     columns = {"v": v, **{name: values for name, values in load.items() if name in inputs}}
-    known = {"v": units.velocity, "Fn": "N", "F_t": units.force}
+    own = ROTARY if units.rotary else LINEAR  # the units of the block, in which it takes numbers of any scale
+    known = {"v": own.velocity, "Fn": "N", "F_t": own.force}
     sweep = SeriesPart("sweep", t, columns, {name: known[name] for name in columns})
     start: dict[str, float | int | bool | str] = {f"friction.{k}": v for k, v in typed(contact, found.values).items()}
     start |= {"friction.F_ext": 0.0} if "F_ext" in inputs else {}

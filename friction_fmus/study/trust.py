@@ -128,18 +128,27 @@ def static_friction_findings(best: IdentifiedModel, units: AxisUnits) -> tuple[S
     if identified is None or simulated is None or identified == simulated:
         return ()
     what = (
-        f"The record does not determine the static friction of {best.row.name}: {identified:.3g} {units.force} would "
-        f"fit. The simulated axis has its Coulomb friction, {simulated:.3g} {units.force}, instead."
+        f"The record does not determine the static friction of {best.row.name}: {identified:.3g} {units.words.N} would "
+        f"fit. The simulated axis has its Coulomb friction, {simulated:.3g} {units.words.N}, instead."
     )
     return (StudyFinding("static-friction-unknown", what, "Record slow strokes at constant speeds."),)
 
 
+UNEXPLAINED: Final = 50.0  # residual of the best model above which a record says little about friction [%]
 NEGLIGIBLE: Final = 1e-3  # Coulomb friction over the rms drive force, below which a record shows none
 
 
 def dry_friction_findings(models: Sequence[IdentifiedModel], record: Record) -> tuple[StudyFinding, ...]:
-    """Return a finding if models with dry friction were tried, and the best model, which is the first, has none."""
-    roles, units = [find(each.block).about.friction for each in models if each.block], record.units
+    """Return a finding if the best model, which is the first, leaves most of the force, or lacks dry friction."""
+    fit, u = models[0].row.validation or models[0].row.train, record.units.words
+    if fit is not None and fit.unit == record.units.force and fit.percent > UNEXPLAINED:
+        what = (
+            f"The best model leaves {fit.percent:.3g} % of the {u.force}: more than {u.mass} and friction acts on the "
+            "axis, or a column is not the right one. Do not use the parameters."
+        )
+        return (StudyFinding("force-not-explained", what, "Check the columns, and record this axis moving alone."),)
+    # models with dry friction must have been tried
+    roles = [find(each.block).about.friction for each in models if each.block]
     role = roles[0] if models[0].block else None
     if role is None or record.force is None or all(each is None or each.coulomb == "0" for each in roles):
         return ()
@@ -147,10 +156,10 @@ def dry_friction_findings(models: Sequence[IdentifiedModel], record: Record) -> 
     if size >= NEGLIGIBLE * force:
         return ()
     what = (
-        f"The record shows no dry friction: the best model has {size:.2g} {units.force} of {force:.3g} {units.force} "
-        f"rms drive {units.words.force}. Do not use this value or its interval."
+        f"The record shows no dry friction: the best model has {size:.2g} {u.N} of {force:.3g} {u.N} rms drive "
+        f"{u.force}. Do not use this value or its interval."
     )
-    change = f"What remains to compensate are {units.words.mass} and viscous friction."
+    change = f"What remains to compensate are {u.mass} and viscous friction."
     return (StudyFinding("no-dry-friction", what, change),)
 
 

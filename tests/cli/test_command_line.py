@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from fmpy import read_model_description
 from rich.console import Console
 from shell.selection import EACH_BRANCH
 from thorough import landing, nightly, some
@@ -400,6 +401,20 @@ def test_unknown_variable_suggests_the_nearest(tmp_path: Path, capsys: pytest.Ca
 def test_bad_start_value_is_refused(value: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fails(capsys, "build", "LuGre", "-o", tmp_path / "new", "--set", value)
     assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize(
+    ("values", "Fn"), [(("Fn0=50",), 50.0), (("Fn0=0.05 kN",), 50.0), (("Fn0=50", "Fn=20"), 20.0), (("Fn=20",), 20.0)]
+)
+@pytest.mark.parametrize("block", ["LuGre", "StaticFeedforward"])
+def test_the_normal_force_begins_with_that_of_the_parameters(
+    tmp_path: Path, block: str, values: tuple[str, ...], Fn: float
+) -> None:
+    """Left unconnected, an FMU has the friction of its parameters."""
+    arguments = [argument for value in values for argument in ("--set", value)]
+    assert main(["build", block, "-o", str(tmp_path), *arguments]) == 0
+    variables = read_model_description(str(tmp_path / f"{block}.fmu")).modelVariables
+    assert [float(v.start) for v in variables if v.name == "Fn"] == [Fn]
 
 
 @pytest.mark.parametrize(

@@ -211,6 +211,12 @@ def test_bad_start_values_get_one_sentence(start: dict[str, float], message: str
     assert not (tmp_path / "none").exists()
 
 
+@pytest.mark.parametrize(("start", "Fn"), [({}, 1.0), ({"Fn0": 50.0}, 50.0), ({"Fn0": 50.0, "Fn": 20.0}, 20.0)])
+def test_the_normal_force_begins_with_that_of_the_parameters(start: dict[str, float], Fn: float) -> None:
+    """A caller that never sets it has the friction of the parameters."""
+    assert make_export("LuGreFeedforward", start=start).start["Fn"] == (Fn,)
+
+
 def test_other_errors_get_one_sentence(elements: Path, tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match=r"There is no variable 'k\[3\]'; the elements of k are 1 to 2"):
         export_law(elements, tmp_path, start={"k[3]": 1.0})

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from friction_fmus.identification import ROTARY, RecordError, read_measurement, read_records
-from friction_fmus.identification.data.column_headings import Meaning, meaning_of
+from friction_fmus.identification.data.column_headings import ColumnMeaning, Meaning, about, meaning_of
 from friction_fmus.identification.data.formats import read_table
 
 T = np.arange(100) * 2e-3
@@ -90,6 +90,23 @@ def test_headings_of_drives_in_english_and_german(heading: str, unit: str, role:
 )
 def test_headings_of_other_signals_are_not_mistaken(heading: str, unit: str) -> None:
     assert meaning_of(heading, unit) is None
+
+
+@pytest.mark.parametrize(
+    ("heading", "kind", "qualifier", "axis"),
+    [
+        ("tau_J1", "force", "", "1"),  # a joint of libfranka, no joule
+        ("tau_J", "force", "", ""),
+        ("pos_m2", "position", "", "2"),  # a motor, no square metre
+        ("current_A1", "force", "", "1"),  # an axis of KUKA, no ampere
+        ("qd_cmd[3]", "velocity", "reference", "3"),
+        ("ee_pos[0]", "other", "other", "0"),
+        ("actual_TCP_pose_0", "other", "other", "0"),
+        ("BatteryVoltage", "other", "other", ""),
+    ],
+)
+def test_headings_of_robots(heading: str, kind: str, qualifier: str, axis: str) -> None:
+    assert about(heading, "") == ColumnMeaning(kind, qualifier, axis, "", True)
 
 
 @pytest.mark.parametrize(
@@ -243,6 +260,26 @@ def test_a_channel_of_another_sample_time_is_interpolated_and_named(tmp_path: Pa
     (record,) = measurement.records
     assert record.reference == pytest.approx(2.0 * record.t, abs=1e-9)  # mm and ms, on the line between the samples
     assert record.force == pytest.approx(F[: len(record)], abs=1e-6)
+
+
+def test_a_row_ends_where_the_last_channel_ends(tmp_path: Path) -> None:
+    """An oversampled channel has more rows; the cells behind it are missing there, not empty."""
+    slow, fast = 1e3 * T, 200.0 * np.arange(5 * len(T)) / 500.0  # ms
+    force = np.interp(fast, slow, F)
+    pairs = zip(fast, force, strict=True)
+    body = [f"{t:.9g}\t{f:.9g}" for t, f in pairs]
+    body[: len(T)] = [
+        f"{row}\t{t:.9g}\t{x:.9g}\t{t:.9g}\t{2.0 * x:.9g}" for row, t, x in zip(body[: len(T)], slow, X, strict=True)
+    ]
+    names = "\t".join(f"Name\t{name}" for name in ("ActForce", "ActPos", "SetPos"))
+    units = "\t".join(f"Unit\t{unit}" for unit in ("N (Force)", "mm (Length)", "mm (Length)"))
+    text = HEAD + f"{names}\n{units}\n\n" + "\n".join(body).replace(".", ",") + "\nEOF\n"
+    measurement = read_measurement(saved(tmp_path, text))
+    (record,) = measurement.records
+    assert record.t == pytest.approx(T, abs=1e-9)
+    assert record.q == pytest.approx(1e-3 * X, abs=1e-9)
+    assert record.reference == pytest.approx(2e-3 * X, abs=1e-9)
+    assert record.force == pytest.approx(F, abs=1e-6)
 
 
 def test_a_text_in_a_channel_is_named_with_its_line(tmp_path: Path) -> None:

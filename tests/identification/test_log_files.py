@@ -99,6 +99,15 @@ def test_headings_that_repeat_or_are_empty_have_names_of_their_own(tmp_path: Pat
     assert dict(table.texts) == {"column 4": "only empty cells", "column 5": "only empty cells"}
 
 
+@pytest.mark.parametrize("end", [";", ""])
+def test_a_matrix_of_matlab_below_names_of_several_words(tmp_path: Path, end: str) -> None:
+    """As laboratory plants of ECP write it: brackets, semicolons, and two or more blanks between the names."""
+    lines = rows(np.arange(60), T, X, F, separator="   ", form="%.9g", ends=";").splitlines()
+    lines[0], lines[-1] = f"[ {lines[0]}", f"{lines[-1].rstrip(';')}]{end}"
+    table = read(tmp_path, " Sample   Time     Encoder 1 Pos   Control Effort\n\n" + "\n".join(lines), "log.txt")
+    assert_columns(table, {"Sample": np.arange(60), "Time": T, "Encoder 1 Pos": X, "Control Effort": F})
+
+
 def test_rows_that_are_numbered_without_a_heading_for_it(tmp_path: Path) -> None:
     """As by R."""
     lines = [f'"{i}" {t:.3f} {x:.6f}' for i, (t, x) in enumerate(zip(T, X, strict=True), 1)]
@@ -392,7 +401,11 @@ def test_structures_of_matlab_7_3(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("kind", "how"),
-    [("timeseries", r"ts = struct\('time', ts.Time, 'data', ts.Data\)"), ("table", r"writetable\(ts, 'log.csv'\)")],
+    [
+        ("timeseries", r"ts = struct\('time', ts.Time, 'data', ts.Data\)"),
+        ("table", r"writetable\(ts, 'log.csv'\)"),
+        ("Simulink.SimulationData.Dataset", r"ts = ts\{1\}.Values"),
+    ],
 )
 @pytest.mark.parametrize("version", ["5", "7.3"])
 def test_objects_of_matlab_are_refused_with_a_way_to_save_them(
@@ -511,6 +524,7 @@ def test_counters_and_angles_that_wrap_are_made_continuous(tmp_path: Path) -> No
         "half": 360.0 * turns,
         "rad": 2 * np.pi * turns,
         "lines": np.round(4000 * turns),
+        "motor": 19.0 * turns,
     }
     wrapped = {
         "tick_us": true["tick_us"] % 2**32,
@@ -520,6 +534,7 @@ def test_counters_and_angles_that_wrap_are_made_continuous(tmp_path: Path) -> No
         "half": (true["half"] + 180.0) % 360.0 - 180.0,
         "rad": (true["rad"] + np.pi) % (2 * np.pi) - np.pi,
         "lines": true["lines"] % 4000,
+        "motor": (true["motor"] + 12.5) % 25.0 - 12.5,
     }
     table = read(tmp_path, ";".join(wrapped) + "\n" + rows(*wrapped.values(), form="%.9f"))
     for name, values in true.items():
@@ -533,6 +548,8 @@ def test_jumps_that_are_no_wraps_are_kept(tmp_path: Path) -> None:
     columns = {
         "square": np.where(t // 100 % 2, 180.0, -180.0),
         "torque": np.where(t // 100 % 2, 180.0, -180.0) * (1 - 0.01 * np.abs(noise)),
+        "switched": np.where(t // 100 % 2, 12.5, -12.5) * (1 - 0.01 * np.abs(noise)),
+        "ramps": np.where(t // 100 % 2, 12.5, -12.5) + 0.002 * (t % 100 - 50.0) * np.where(t // 100 % 2, -1.0, 1.0),
         "speed": np.clip(600.0 * np.sin(2 * np.pi * t / 100), -180.0, 180.0),
         "restart": np.concatenate([t[:1000], t[:1000]]).astype(float),
         "noise": np.round(30000 * np.clip(noise, -1, 1)),

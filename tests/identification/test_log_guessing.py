@@ -106,6 +106,13 @@ def test_a_refusal_shows_what_is_known_and_what_is_missing(tmp_path: Path) -> No
         read_measurement(saved(tmp_path, "", T, Q))
 
 
+def test_a_signal_that_changes_in_the_last_sample_is_no_warning(tmp_path: Path) -> None:
+    """Of columns without names, one whose smoothed derivative is zero has no correlation with a velocity."""
+    switched = np.append(np.full(len(T) - 1, 0.5), 0.6)
+    path = saved(tmp_path, "", T, switched, Q, V, TAU)
+    assert used(read_measurement(path, DataMapping(path, option="time=1 s")))["position"] == "column 3"
+
+
 def test_a_motion_in_one_direction_says_nothing_about_the_sign(tmp_path: Path) -> None:
     """Friction that falls with the speed takes power, although less of it at higher speeds."""
     v = 1.0 + 0.5 * np.sin(2 * np.pi * 0.7 * T)
@@ -191,16 +198,19 @@ def test_the_size_of_numbers_decides_no_unit(tmp_path: Path, scale: float) -> No
     assert found(measurement)["Fc"] == pytest.approx(scale * FC, rel=0.02)
 
 
-def test_a_time_that_two_units_fit_is_asked_about(tmp_path: Path) -> None:
-    slow = np.arange(len(T)) * 0.1  # 10 Hz in s, 10 kHz in ms
-    with pytest.raises(AmbiguousColumnsError, match="the time 't' has no unit"):
+@pytest.mark.parametrize("step", [0.1, 0.101, 0.25, 0.4])
+def test_a_time_that_two_units_fit_is_asked_about(tmp_path: Path, step: float) -> None:
+    slow = np.arange(len(T)) * step  # 10 to 2.5 Hz in s, as a computer polls a drive; 10 to 2.5 kHz in ms
+    with pytest.raises(AmbiguousColumnsError, match="the time 't' has no unit") as refusal:
         read_measurement(saved(tmp_path, "t,q [rad],tau [N.m]", slow, Q, TAU))
+    assert [command.split("'t' ")[1][:3] for command, _ in refusal.value.choices] == ["s, ", "ms,"]
 
 
 def test_a_file_without_time_needs_a_period(tmp_path: Path) -> None:
     path = saved(tmp_path, "q [rad],tau [N.m]", Q, TAU)
-    with pytest.raises(AmbiguousColumnsError, match="period=1 ms"):
+    with pytest.raises(AmbiguousColumnsError, match="such as period=1 ms") as refusal:
         read_measurement(path)
+    assert [command.split(",")[0] for command, _ in refusal.value.choices] == ["period=?"]  # nothing is made up
     (record,) = read_measurement(path, DataMapping(path, option="period=2 ms, position=1 rad, torque=2 N.m")).records
     assert record.t == pytest.approx(T)
 
@@ -212,6 +222,42 @@ def test_the_joint_with_the_largest_motion_is_used_and_the_other_named(tmp_path:
     measurement = read_measurement(saved(tmp_path, "time,q1,q2,tau1,tau2", T, other, Q, tau, TAU))
     assert used(measurement) == {"time": "time", "position": "q2", "force": "tau2"}
     assert "other axes, not used: 'q1' with 'tau1'" in dict(measurement.understood)["note"]
+
+
+def test_intervals_that_differ_everywhere_do_not_hide_the_joint_that_moves(tmp_path: Path) -> None:
+    """A computer that polls a robot: no ten equal intervals, and the joint at rest for the first tenth of the log."""
+    rng = np.random.default_rng(3)
+    t = np.cumsum(rng.choice([0.01, 0.03, 0.07], 3000))
+    w = np.clip(t - 0.1 * t[-1], 0.0, 5.0) / 5.0
+    q = w * (1.1 * np.sin(2 * np.pi * 0.07 * t) + 0.4 * np.sin(2 * np.pi * 0.19 * t))
+    v = np.gradient(q, t)
+    tau = J * np.gradient(v, t) + FC * np.tanh(v / 0.01) + FV * v
+    rest = [0.001 * rng.normal(size=len(t)).cumsum() for _ in range(4)]
+    headings = "time [s],q[0],q[1],q_cmd[1],qd[0],qd[1],qd_cmd[1],tau[0],tau[1],ee_pos[0]"
+    columns = (t, 1e-3 * rest[0], q, q, 1e-3 * rest[1], v, v, rest[2], tau, np.sin(q))
+    chosen = used(read_measurement(saved(tmp_path, headings, *columns)))
+    assert (chosen["position"], chosen["force"]) == ("q[1]", "tau[1]")
+
+
+def test_named_columns_that_physics_does_not_confirm_are_proposed(tmp_path: Path) -> None:
+    """A torque of gravity and cables hides the friction: the names of each axis stand together in a command."""
+    noise = np.random.default_rng(4).normal(size=(2, len(T)))
+    path = saved(
+        tmp_path, "t [s],axis1 pos [rad],axis2 pos [rad],axis1 torque [N.m],axis2 torque [N.m]", T, Q, V, *noise
+    )
+    with pytest.raises(
+        AmbiguousColumnsError, match="no force, torque or current explains half of the motion"
+    ) as refusal:
+        read_measurement(path)
+    commands = {command for command, _ in refusal.value.choices}
+    assert commands == {f"time='t' s, position='axis{n} pos' rad, force='axis{n} torque' N.m" for n in (1, 2)}
+
+
+def test_a_file_without_a_force_proposes_its_motions(tmp_path: Path) -> None:
+    with pytest.raises(AmbiguousColumnsError, match="no column is recognised as the force") as refusal:
+        read_measurement(saved(tmp_path, "t [s],x pos [mm],y pos [mm]", T, Q, V))
+    commands = {command for command, _ in refusal.value.choices}
+    assert commands == {f"time='t' s, position='{axis} pos' mm" for axis in "xy"}
 
 
 def test_columns_are_given_by_number_heading_sign_and_scale(tmp_path: Path) -> None:

@@ -209,6 +209,13 @@ def test_a_force_that_is_clipped_forbids_its_use_but_not_one_that_is_limited(tmp
         assert ("force-clipped" in found) == (not limited), found
 
 
+def test_a_largest_force_in_the_last_sample_is_no_limit(tmp_path: Path) -> None:
+    t = T[:200]
+    force = velocity(t)
+    force[-1] = 2.0 * force.max()
+    assert forbidding(axis(tmp_path, t, motion(t), force)) == []
+
+
 def test_dwells_and_counts_of_an_encoder_are_no_faults(tmp_path: Path) -> None:
     """A slow stroke with stops in counts of 10 um, whose ends are reached with a constant deceleration."""
     stroke = np.repeat([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0, 0.0], [100, 200, 100, 100, 100, 200, 100, 100])
@@ -254,6 +261,15 @@ def test_forces_of_the_other_sign_are_named(tmp_path: Path) -> None:
     findings = read_measurement(axis(tmp_path, T, motion(T), 3.0 - velocity(T))).findings
     assert named(findings) == ["force-of-other-sign"]
     assert findings[0].measure == "Set sign = -1 for this column."
+
+
+def test_a_jump_of_the_position_is_named_although_the_intervals_differ(tmp_path: Path) -> None:
+    """Resampled by a spline, the jump has others beside it."""
+    t = T + np.random.default_rng(1).uniform(-2e-4, 2e-4, len(T))
+    jump = np.where(t < 0.4007, 0.0, 0.3)
+    findings = read_measurement(axis(tmp_path, t, motion(t) + jump, velocity(t))).findings
+    assert named(findings) == ["irregular-sampling", "position-jumps"]
+    assert f"once, first at t = {t[t < 0.4007][-1]:.6g} s" in findings[1].what
 
 
 def test_an_angle_that_begins_anew_after_each_turn_is_made_continuous_and_named(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from friction_fmus.axis.loop_assembly import load_feedforward
 from friction_fmus.axis.position_map import gravity_map
 from friction_fmus.axis.servo import AxisPlant, Compensator, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
+from friction_fmus.blocks.axis_units import units_of_channels
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.servo_law import LOOP_FILE, loop_text
 from friction_fmus.identification import ROTARY, Record
@@ -163,6 +164,16 @@ def test_friction_without_load_is_drawn_with_its_own_normal_force() -> None:
     assert F[-1] == pytest.approx(ARM.Fc + 2.0 * ARM.Fv, rel=1e-6)
     loaded = driven_friction(found, ROTARY, 0.01 * np.arange(50.0), v, {"Fn": np.full(50, 3.0 * ARM.Fc)})
     assert loaded[-1] == pytest.approx(3.0 * ARM.Fc + 2.0 * ARM.Fv, rel=1e-6)
+
+
+@pytest.mark.parametrize(("position", "force"), [("1", "1"), ("mm", "A"), ("rad", "A"), ("u.s", "mA")])
+def test_friction_in_the_units_of_a_file_is_drawn(position: str, force: str) -> None:
+    """A block has SI units, whatever the numbers of a file without scales mean."""
+    from friction_fmus.study.pictures import driven_friction
+
+    found = IdentifiedModel(ModelResult("Coulomb", find("Coulomb").name), "Coulomb", {"Fc": 0.5}, 1.0)
+    F = driven_friction(found, units_of_channels(position, force), 0.01 * np.arange(50.0), np.full(50, -3.0), {})
+    assert F[-1] == pytest.approx(-0.5, rel=1e-12)
 
 
 def test_the_load_of_the_reference_reaches_the_law(tmp_path: Path) -> None:

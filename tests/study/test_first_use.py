@@ -14,6 +14,7 @@ from friction_fmus.__main__ import main
 from friction_fmus.axis.servo import Servo
 from friction_fmus.identification import RecordError, read_measurement
 from friction_fmus.study import ConfigError, load_config, run_study
+from friction_fmus.study.data import load_data
 from friction_fmus.study.settings_file import SETTINGS_FILE
 
 M, FC, FV = 3.0, 5.0, 12.0
@@ -68,6 +69,39 @@ def test_settings_that_were_edited_are_kept(tmp_path: Path) -> None:
     (tmp_path / "out" / SETTINGS_FILE).write_text("# mine\n", encoding="utf-8")
     run_study(data, tmp_path / "out", processes=1)
     assert (tmp_path / "out" / SETTINGS_FILE).read_text(encoding="utf-8") == "# mine\n"
+
+
+@landing
+def test_a_file_without_units_is_studied_in_its_numbers(tmp_path: Path) -> None:
+    log(tmp_path, "t;pos;drive")
+    columns = """[data]
+file = "my.csv"
+[columns]
+time = { column = "t", unit = "s" }
+position = { column = "pos", unit = "1", gain = "unknown" }
+force = { column = "drive", unit = "1", gain = "unknown" }
+[identify]
+models = ["Coulomb"]
+"""
+    (tmp_path / "a.toml").write_text(columns, encoding="utf-8")
+    found = {
+        each.name: each.value for each in run_study(tmp_path / "a.toml", tmp_path, processes=1).models[0].parameters
+    }
+    assert found["M"] == pytest.approx(1e-3 * M, rel=0.02)  # the positions are numbers of mm
+    assert found["Fc"] == pytest.approx(FC, rel=0.05)
+    assert found["Fv"] == pytest.approx(1e-3 * FV, rel=0.1)
+    assert (tmp_path / "report.html").exists()
+
+
+def test_a_piece_that_is_too_short_does_not_end_a_study(tmp_path: Path) -> None:
+    """80 samples before a gap are enough for a segment, but not for the filter of the force."""
+    lines = log(tmp_path).read_text(encoding="utf-8").splitlines()
+    del lines[81:181]
+    (tmp_path / "my.csv").write_text("\n".join(lines), encoding="utf-8")
+    data = load_data(load_config(tmp_path / "my.csv"), tmp_path)
+    assert [len(record) for record in data.records] == [80, 3820]
+    (train,) = data.train
+    assert train.t[0] == pytest.approx(0.18)
 
 
 def test_a_study_of_ambiguous_headings_names_the_command_that_asks(

@@ -15,6 +15,7 @@ from thorough import landing, nightly, some
 
 from friction_fmus.__main__ import main
 from friction_fmus.axis.servo import Servo
+from friction_fmus.blocks.axis_units import units_of_channels
 from friction_fmus.cli.axis_tables import show_first_look
 from friction_fmus.data import load_emps
 from friction_fmus.identification import Record
@@ -23,7 +24,7 @@ from friction_fmus.study import load_config
 from friction_fmus.study.data import load_data, measured_servo
 from friction_fmus.study.model_ranking import IdentifiedModel, Measured, identify_model, in_closed_loop, refine
 from friction_fmus.study.servo_check import check_servo
-from friction_fmus.study.study_result import ModelResult
+from friction_fmus.study.study_result import Fit, ModelResult
 from friction_fmus.study.trust import dry_friction_findings, force_findings, loop_growth
 from harness import System
 from harness.system.wire import parse_wire
@@ -240,6 +241,17 @@ def test_a_record_without_dry_friction(part: float, names: list[str]) -> None:
     assert dry_friction_findings([IdentifiedModel(ModelResult("Coulomb", "", reason="failed"))], record) == ()
     values = {**best.values, "N": 1.0, "k[1]": 1e4}  # sigma was not identified
     assert [each.name for each in dry_friction_findings([replace(best, block="GMS", values=values)], record)] == names
+
+
+@pytest.mark.parametrize(("percent", "unit", "found"), [(91.0, "A", True), (30.0, "A", False), (91.0, "m", False)])
+def test_a_force_that_no_model_explains(percent: float, unit: str, found: bool) -> None:
+    """A joint that others move says nothing about dry friction; a residual of the position is another matter."""
+    t = np.arange(100) * 0.01
+    record = Record("joint", t, q=np.sin(t), force=np.cos(t), units=units_of_channels("m", "A"))
+    row = ModelResult("Coulomb", "", validation=Fit(9.1, percent, "force", unit), rank=1)
+    (finding,) = dry_friction_findings([IdentifiedModel(row, "Coulomb", {"Fc": 0.0}, 1.0)], record)
+    assert finding.name == ("force-not-explained" if found else "no-dry-friction")
+    assert not found or "leaves 91 % of the current: more than inertia and friction acts" in finding.what
 
 
 def test_a_force_beyond_the_limit_of_the_servo() -> None:

@@ -78,7 +78,7 @@ def unwrapped(values: Array) -> tuple[Array, float, int] | None:
     jumps = np.flatnonzero(np.abs(steps) > 0.5 * (high - low))
     if not jumps.size or jumps.size > 0.1 * steps.size:
         return None
-    for period in _periods(known, (low, high), steps[jumps]):
+    for period in [*_periods(known, (low, high), steps[jumps]), *_own_period(known, steps, jumps)]:
         turns = -np.round(steps[jumps] / period)
         rest = steps[jumps] + period * turns
         if not np.all(np.abs(turns) == 1.0):
@@ -114,6 +114,19 @@ def _periods(values: Array, ends: tuple[float, float], jumps: Array) -> list[flo
         if period / 1.5 < jump <= period * (1.0 + 1e-9)
         and ((low >= 0.0 and high <= period) or (low >= -0.5 * period - 1e-9 and high <= 0.5 * period * (1.0 + 1e-9)))
     ]
+
+
+def _own_period(values: Array, steps: Array, jumps: NDArray[np.intp]) -> list[float]:
+    """Return the range of a symmetrical angle, such as -12.5 to 12.5, if the motion goes on through both ends."""
+    beside = jumps[:, None] + np.array([*range(-BESIDE, 0), *range(1, BESIDE + 1)])
+    if beside.min() < 0 or beside.max() >= len(steps) or np.all(steps[jumps] > 0.0) or np.all(steps[jumps] < 0.0):
+        return []
+    ahead = 0.5 * (steps[jumps - 1] + steps[jumps + 1])
+    sizes = np.abs(steps[jumps] - ahead)
+    period = float(f"{np.median(sizes):.3g}")
+    onward = bool(np.all(steps[beside] * steps[jumps, None] < 0.0))  # otherwise it may be a signal that is switched
+    exact = abs(float(np.median(sizes)) - period) < 0.1 * float(np.median(np.abs(ahead)))
+    return [period] if onward and exact and np.abs(values).max() <= 0.5 * period * (1.0 + 1e-9) else []
 
 
 def wrap_finding(name: str, period: float, count: int, file: Any) -> RecordFinding:

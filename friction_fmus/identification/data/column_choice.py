@@ -69,7 +69,7 @@ def _refusal(
     commands = [each if "force=" in each else f"{each}, force=?" for each in commands]
     what = "Use the one that is right" if len(commands) > 1 else "Use this command, corrected if it is wrong"
     if any("?" in each for each in commands):
-        what += ", with a column and its unit for each ?, such as position=2 deg or force=3 N.m"
+        what += ", with a column and its unit for each ?, such as position=2 deg, force=3 N.m or period=1 ms"
     commands = [f"friction-fmus study {shlex.quote(path.name)} --columns {_shell(each)}" for each in commands]
     return (
         f"The headings of {path} do not identify its columns: {reasons}. {listed}{what}:\n\n"

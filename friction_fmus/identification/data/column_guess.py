@@ -16,6 +16,7 @@ from friction_fmus.identification.data.motion_tests import (
     SAME,
     DriveShare,
     SampledColumns,
+    correlation,
     longest_run,
     without_gaps,
     without_jumps,
@@ -26,7 +27,9 @@ from harness.units import BaseUnit
 
 EXPLAINED: Final = 0.5, 0.7  # least share of the variance of a drive signal with and without a name
 CLEARER: Final = 2.0  # ratio of what is left unexplained above which the better of two guesses is clear
-RATES: Final = (10.0, 5e4)  # sample rates of axes; a time without unit is only read if one unit leads to them [Hz]
+SLOWEST: Final = {"s": 2.0, "ms": 10.0, "us": 10.0, "ns": 10.0}  # sample rates [Hz]; a computer polls slowly, in s
+FASTEST: Final = 5e4  # sample rate of an axis; a time without unit is only read if one unit leads to such rates [Hz]
+EVEN: Final = 0.1  # share of the samples below which the longest run of equal intervals says too little about them
 LATE: Final = 0.3  # share of the difference of two signals that a lag explains if one is the command of the other
 CLOSE: Final = 0.03  # relative difference of a factor between two columns that rounding and noise can cause
 CERTAIN: Final = 0.995  # correlation with a derivative that no force has, in spite of inertia
@@ -110,16 +113,28 @@ class Guesser:
         run = longest_run(t)
         names = [name for name, each in self.about.items() if name != clock and each.kind not in ("time", "other")]
         dt = float(np.ptp(t[run])) / max(len(t[run]) - 1, 1)  # stamps that jitter have another median
-        self.data = SampledColumns({name: without_gaps(self.table.columns[name][run]) for name in names}, dt)
+        values = {name: without_gaps(self.table.columns[name][run]) for name in names}
+        first = t[:MOST]
+        if len(t[run]) < EVEN * len(first) and np.all(np.diff(first) > 0.0):
+            at, dt = np.linspace(first[0], first[-1], len(first), retstep=True)
+            columns = {name: without_gaps(self.table.columns[name][:MOST]) for name in names}
+            values = {name: np.asarray(np.interp(at, first, column)) for name, column in columns.items()}
+        self.data = SampledColumns(values, float(dt))
         names = self._without_copies(names)
         motions = self._motions(names)
-        fits_found = self._decided([fit for motion in motions for fit in self._fits(motion, names)])
+        every = [fit for motion in motions for fit in self._fits(motion, names)]
+        fits_found = self._decided(every)
         if not motions:
             self.problems.append("no column is recognised as a position or velocity")
         elif not fits_found:
             moved = " or ".join(list(dict.fromkeys(repr(motion.main) for motion in motions))[:3])
-            self.problems.append(f"no column is recognised as the force, torque or current that moves {moved}")
-            fits_found = [ForceFit(motions[0], "", DriveShare(0.0, 0.0, False))] if len(motions) == 1 else []
+            named = [fit for fit in every if (each := self.about[fit.force]).named and each.axis == fit.motion.axis]
+            if named:
+                self.problems.append(f"no force, torque or current explains half of the motion of {moved}")
+                fits_found = sorted(named, key=lambda fit: fit.drive.share, reverse=True)
+            else:
+                self.problems.append(f"no column is recognised as the force, torque or current that moves {moved}")
+                fits_found = [ForceFit(motion, "", DriveShare(0.0, 0.0, False)) for motion in motions[:3]]
         candidates = []
         for fit in fits_found:
             for time in self._times(clock, fit.motion):
@@ -172,7 +187,7 @@ class Guesser:
             return [(self.given["time"], "as given")]
         if not clock:
             period = self.table.period
-            text = f"{period:.9g} s" if period > 0.0 else "1 ms"
+            text = f"{period:.9g} s" if period > 0.0 else "?"
             return [(Column("", period=text), "sample time that the file states" if period > 0.0 else "sample time")]
         unit = self.about[clock].unit or self.table.units.get(clock, "") or epoch_unit(self.table.columns[clock])
         if unit_of(unit) is not None and fits("time", unit_of(unit) or BaseUnit()):
@@ -182,7 +197,7 @@ class Guesser:
             by_period = [name for name, each in TIMES.items() if abs(dt * each / self.table.period - 1.0) < CLOSE]
             if by_period:
                 return [(Column(clock, by_period[0]), f"in {by_period[0]}, as the file states its sample time")]
-        usual = [name for name, each in TIMES.items() if RATES[0] <= 1.0 / (dt * each) <= RATES[1]]
+        usual = [name for name, each in TIMES.items() if SLOWEST[name] <= 1.0 / (dt * each) <= FASTEST]
         agreeing = [name for name in TIMES if self._agrees(motion, TIMES[name])]
         known = unit_of(self.about[motion.position].unit) if motion.slope else None
         if len(agreeing) == 1 and (agreeing == usual or (known is not None and agreeing[0] in usual)):
@@ -357,7 +372,7 @@ class Guesser:
             self.data.smooth([motion.velocity or motion.position], 2.0, 0 if motion.velocity else 1)[:, 0]
             for motion in (a, b)
         )
-        return float(np.corrcoef(x, y)[0, 1])
+        return float(correlation(x, y[:, None])[0])
 
     # mapping ---------------------------------------------------------------------------------------------------------
 

@@ -127,7 +127,7 @@ QUALIFIERS: Final[Mapping[str, tuple[str, ...]]] = {
         lim, limit, limits, max, min, ff, feedforward, temp, temperature, temperatur, bus, dc, status, state, fault,
         alarm, mode, flag, index, counter, count, cycle, sample, samples, nr, no, number, id, isd, external, ext,
         gain, limiter, rated, vibration, power, leistung, friction, reibung, reibkraft, reibmoment, normal,
-        disturbance, zaehler, zähler, pressure, druck, gripper, humidity, inp,
+        disturbance, zaehler, zähler, pressure, druck, gripper, humidity, inp, battery, batterie, supply, ee, tcp,
         温度, 限制, 制限, 上限, 下限, 状态, 状態, 功率, 電力, 摩擦, 计数
     """),
 }
@@ -139,6 +139,7 @@ _OBJECT = re.compile(r"(0x[0-9a-f]{4}|[0-9a-f]{4}h)([:._\s]?(0x)?[0-9a-f]{1,2})?
 _AXIS = re.compile(r"(axis|achse|ax|joint|gelenk|motor|drive|antrieb|channel|kanal|ch)?\d*|[xyzabc]\d*")
 """Words that name an axis, not a signal."""
 
+_NUMBERED = re.compile(r"[A-Za-z]+\d+|J")  # joints and motors that look like units: tau_J1, pos_m2
 _BEFORE_UNIT = re.compile(r"\s+in\s+|\s*/\s*|_|,\s*|\s+")
 
 
@@ -169,7 +170,7 @@ def _readings(heading: str, unit: str) -> Iterator[tuple[str, str]]:
     yield heading, unit
     for split in () if unit or len(heading) > LONGEST else _BEFORE_UNIT.finditer(heading):
         rest = heading[split.end() :].strip("()[] ")
-        if unit_of(rest) is not None:
+        if unit_of(rest) is not None and not _NUMBERED.fullmatch(rest):
             yield heading[: split.start()], rest
 
 
@@ -237,7 +238,7 @@ def about(heading: str, unit: str) -> ColumnMeaning:
     if by_unit and by_unit in found:
         found = [by_unit]
     if set(words) & {"qd"} and not found:
-        return ColumnMeaning("velocity", "", axis, its_unit, True)
+        return ColumnMeaning("velocity", qualifier, axis, its_unit, True)
     if qualifier == "other" and by_unit != "time":
         return ColumnMeaning("other", qualifier, axis, its_unit, True)
     if not found and by_unit:

@@ -303,27 +303,28 @@ def position_findings(records: Sequence[Record]) -> Iterator[RecordFinding]:
     for record in records:
         if record.q is None or np.ptp(record.q) == 0.0:
             continue
-        found = [*_jumps(record), *_clipped(record), *_held(record)]
+        jumps = position_jumps(record.column("q"), record.t, record.quantum, record.units.words.m)
+        found = [*jumps, *_clipped(record), *_held(record)]
         if found:
             yield from found
             return
 
 
-def _jumps(record: Record) -> Iterator[RecordFinding]:
+def position_jumps(q: Array, t: Array, quantum: float, unit: str) -> Iterator[RecordFinding]:
     """Yield a finding about a position that jumps, such as an angle that wraps or a counter that was reset."""
-    steps = np.abs(np.diff(record.column("q")))
+    size, intervals = np.abs(np.diff(q)), np.diff(t)
+    steps = size * np.minimum(1.0, np.median(intervals) / intervals)
     usual = float(np.quantile(steps, OTHERS))
     beside = np.maximum(np.append(steps[1:], 0.0), np.append(0.0, steps[:-1]))
     largest = np.maximum(usual, np.minimum(beside, 0.5 * steps))
-    at = np.flatnonzero(steps > JUMP * np.maximum(largest, 3.0 * record.quantum))
-    if record.units.position == "rad":
-        at = np.union1d(at, np.flatnonzero(steps > np.pi))
+    at = np.flatnonzero(steps > JUMP * np.maximum(largest, 3.0 * quantum))
+    if unit == "rad":
+        at = np.union1d(at, np.flatnonzero(size > np.pi))
     if at.size and usual > 0.0:
-        u = record.units.position
         times = "once" if at.size == 1 else f"{at.size} times"
         what = (
-            f"The position jumps by {steps[at].max():.4g} {u} from one sample to the next, {times}, first at "
-            f"t = {record.t[at[0]]:.6g} s."
+            f"The position jumps by {size[at].max():.4g} {unit} from one sample to the next, {times}, first at "
+            f"t = {t[at[0]]:.6g} s."
         )
         yield RecordFinding("position-jumps", what, "Log a continuous position, or choose windows without jumps.")
 

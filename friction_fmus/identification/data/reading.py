@@ -14,6 +14,7 @@ from friction_fmus.blocks.axis_units import LINEAR, ROTARY, AxisUnits, units_of_
 from friction_fmus.errors import AmbiguousColumnsError, RecordError, visible
 from friction_fmus.identification.data.column_choice import chosen_columns
 from friction_fmus.identification.data.column_guess import with_actual_position
+from friction_fmus.identification.data.excitation import position_jumps
 from friction_fmus.identification.data.formats import read_table
 from friction_fmus.identification.data.mapping import (
     UNKNOWN,
@@ -365,6 +366,8 @@ def read_measurement(
     segments, about_time = equally_spaced(t, columns, units.words)
     segments, about_position = without_held_samples(segments)
     findings += about_time + about_position
+    if "q" in columns and any(finding.name == "irregular-sampling" for finding in about_time):
+        findings += position_jumps(columns["q"], t, quantum, units.words.m)  # which the resampling spreads
     if not segments:
         raise RecordError(f"{path} has no {SHORTEST} samples without a gap; log longer without interruption.")
     names = [known.name] if len(segments) == 1 else [f"{known.name}, segment {i + 1}" for i in range(len(segments))]

@@ -141,7 +141,9 @@ _TIME = re.compile(r"\d{1,2}:\d{2}:\d{2}([.,:]\d+)?( ?[AaPp][Mm])?")
 def split_cells(line: str, separator: str) -> list[str]:
     """Return the cells of a line without spaces and quotes around them."""
     if separator == " ":
-        cells = line.split()
+        row = line.strip().rstrip(";")
+        # the first and the last row of a matrix of MATLAB have one bracket
+        cells = (row.strip("[]") if row.count("[") != row.count("]") else row).split()
     elif '"' in line and line.count('"') % 2 == 0:
         cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
     else:

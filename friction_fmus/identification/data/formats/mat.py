@@ -50,6 +50,8 @@ def _table(path: Path, vectors: Iterator[tuple[str, Any]], objects: dict[str, st
     if objects and not found:
         name, kind = next(iter(objects.items()))
         how = f"{name} = struct('time', {name}.Time, 'data', {name}.Data); or as columns of a .csv"
+        if kind.endswith("Dataset"):  # of Simulink; its elements are signals or time series
+            how = f"ts = {name}{{1}}.Values (or {name}{{1}}); s1 = struct('time', ts.Time, 'data', ts.Data); and so on"
         how = f"write{kind}({name}, 'log.csv')" if kind in ("table", "timetable") else how
         raise RecordError(
             f"{path} contains {name}, an object of the class {kind}, which only MATLAB reads; save its numbers with "

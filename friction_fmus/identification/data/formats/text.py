@@ -42,15 +42,17 @@ class TextLayout:
     loose: bool  # whether the last column is empty, so that its separator may be missing
     comments: tuple[str, ...] = COMMENTS  # beginnings of lines that are no rows
     above: frozenset[str] = field(default_factory=frozenset)  # lines above the table, which may be repeated in it
+    ragged: bool = False  # whether empty cells at the end of a row may be missing
 
 
-def read(path: Path, others: tuple[str, ...] = (), named: Naming = headings) -> DataTable:
+def read(path: Path, others: tuple[str, ...] = (), named: Naming = headings, ragged: bool = False) -> DataTable:
     """Read a text table: columns separated by ; tab , | or spaces, after comments, keys and headings."""
-    # Lines that start with one of the `others` are no rows either. The rows above the table are `named`.
+    # Lines that start with one of the `others` are no rows either. The rows above the table are `named`. The empty
+    # cells at the end of a `ragged` row may be missing.
     with pieces(path) as (encoding, parts):
         head = next(parts, "")
         lines = head.split("\n")
-        layout = find_layout(path, lines, COMMENTS + others, named)
+        layout = find_layout(path, lines, COMMENTS + others, named, ragged)
         table = _Body(path, layout)
         start = 1 + layout.first
         table.add("\n".join(lines[layout.first :]), start)
@@ -61,7 +63,9 @@ def read(path: Path, others: tuple[str, ...] = (), named: Naming = headings) -> 
         return table.finished(NAMES.get(encoding, encoding.upper()))
 
 
-def find_layout(path: Path, lines: Sequence[str], comments: tuple[str, ...], named: Naming = headings) -> TextLayout:
+def find_layout(
+    path: Path, lines: Sequence[str], comments: tuple[str, ...], named: Naming = headings, ragged: bool = False
+) -> TextLayout:
     """Return separator, headings and first row of the table in the first lines of a text."""
     numbered = [(i, line) for i, line in enumerate(lines) if line.strip()]
     rows = [(i, line) for i, line in numbered if not line.lstrip().startswith(comments)]
@@ -71,6 +75,9 @@ def find_layout(path: Path, lines: Sequence[str], comments: tuple[str, ...], nam
     split = [(i, split_cells(line, separator)) for i, line in rows]
     if len(split[-1][1]) == 1 and len(split[-2][1]) > 1 and not cell.numeric(split[-1][1][0]):
         del split[-1]  # EOF
+    if ragged:
+        widest = max(len(row) for _, row in split)
+        split = [(i, row + [""] * (widest - len(row))) for i, row in split]
     at = _first_row([row for _, row in split])
     if at is None:
         raise RecordError(f"{path} has no line of numbers; use a table with a heading and rows of numbers.")
@@ -102,7 +109,7 @@ def find_layout(path: Path, lines: Sequence[str], comments: tuple[str, ...], nam
             "are decimal points, use semicolons between the columns."
         )
     valued = tuple(j for j in range(width) if 2 * sum(cell.is_value(row[j]) for row in whole) > len(whole))
-    return TextLayout(separator, first, width, heading, comma, valued, loose, comments, repeated)
+    return TextLayout(separator, first, width, heading, comma, valued, loose, comments, repeated, ragged)
 
 
 def _heading_cells(line: str, separator: str, width: int) -> list[str]:
@@ -262,8 +269,8 @@ class _Body:
                 ):
                     self.ended = True
                     break
-                if len(row) == width - 1 and self.layout.loose:
-                    row.append("")
+                if len(row) < width and (self.layout.ragged or (len(row) == width - 1 and self.layout.loose)):
+                    row += [""] * (width - len(row))
                 else:
                     self._cut(number, len(row))
                     continue

@@ -34,7 +34,7 @@ def recognises(head: str) -> bool:
 
 def read(path: Path) -> DataTable:
     """Read a text export; time stamps of Windows, in 100 ns since 1601, are counted from the first one."""
-    table = text.read(path, named=_headings)
+    table = text.read(path, named=_headings, ragged=True)
     columns = {
         name: (values - values[0]) / TICKS if name.startswith("time") and values[0] > STAMP else values
         for name, values in table.columns.items()
