@@ -214,7 +214,8 @@ class Guesser:
             rate = 1.0 / (dt * TIMES[usual[0]])
             return [(Column(clock, usual[0]), f"has no unit; only {usual[0]} gives a usual sample rate, {rate:.4g} Hz")]
         self.problems.append(f"the time {clock!r} has no unit")
-        return [(Column(clock, name), "") for name in usual or TIMES]
+        counter = not self.about[clock].named and bool(np.all(np.diff(self.table.columns[clock]) == 1.0))
+        return [(Column(clock, name), "") for name in (["?"] if counter else usual or TIMES)]
 
     def _agrees(self, motion: MotionColumns, seconds: float) -> bool:
         """Return whether velocity and position agree if the time is in this unit."""
