@@ -139,15 +139,13 @@ NEGLIGIBLE: Final = 1e-3  # Coulomb friction over the rms drive force, below whi
 
 
 def dry_friction_findings(models: Sequence[IdentifiedModel], record: Record) -> tuple[StudyFinding, ...]:
-    """Return a finding if the best model, which is the first, leaves most of the force, or lacks dry friction."""
+    """Return a finding if the best model, which is the first, leaves most of the force, or alone lacks dry friction."""
     fit, u = models[0].row.validation or models[0].row.train, record.units.words
     if fit is not None and fit.unit == record.units.force and fit.percent > UNEXPLAINED:
         what = (
-            f"The best model leaves {fit.percent:.3g} % of the {u.force}: more than {u.mass} and friction acts on the "
-            "axis, or a column is not the right one. Do not use the parameters."
+            f"The best model leaves {fit.percent:.3g} % of the {u.force}, which {u.mass} and friction do not explain."
         )
         return (StudyFinding("force-not-explained", what, "Check the columns, and record this axis moving alone."),)
-    # models with dry friction must have been tried
     roles = [find(each.block).about.friction for each in models if each.block]
     role = roles[0] if models[0].block else None
     if role is None or record.force is None or all(each is None or each.coulomb == "0" for each in roles):

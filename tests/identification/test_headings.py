@@ -103,6 +103,10 @@ def test_headings_of_other_signals_are_not_mistaken(heading: str, unit: str) -> 
         ("ee_pos[0]", "other", "other", "0"),
         ("actual_TCP_pose_0", "other", "other", "0"),
         ("BatteryVoltage", "other", "other", ""),
+        ("batt_voltage", "other", "other", ""),
+        ("interpolator.1.curr-pos", "position", "", "1"),  # at present, no electric current
+        ("cur_vel", "velocity", "", ""),
+        ("curr_2", "force", "", "2"),
     ],
 )
 def test_headings_of_robots(heading: str, kind: str, qualifier: str, axis: str) -> None:

@@ -206,6 +206,13 @@ def test_a_time_that_two_units_fit_is_asked_about(tmp_path: Path, step: float) -
     assert [command.split("'t' ")[1][:3] for command, _ in refusal.value.choices] == ["s, ", "ms,"]
 
 
+def test_a_counter_of_rows_is_no_time_in_ms(tmp_path: Path) -> None:
+    path = saved(tmp_path, "step,q [rad],tau [N.m]", np.arange(float(len(T))), Q, TAU)
+    with pytest.raises(AmbiguousColumnsError, match="the time 'step' has no unit") as refusal:
+        read_measurement(path)
+    assert [command.split(",")[0] for command, _ in refusal.value.choices] == ["time='step' ?"]
+
+
 def test_a_file_without_time_needs_a_period(tmp_path: Path) -> None:
     path = saved(tmp_path, "q [rad],tau [N.m]", Q, TAU)
     with pytest.raises(AmbiguousColumnsError, match="such as period=1 ms") as refusal:

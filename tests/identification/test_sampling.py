@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from friction_fmus.identification import RecordError, RecordFinding, read_measurement
+from friction_fmus.identification.data.excitation import position_findings
 from friction_fmus.identification.data.record import Array
 from friction_fmus.identification.force_findings import FORBIDDING, contradictions
 
@@ -187,6 +188,17 @@ def test_positions_that_no_axis_has_forbid_their_use(tmp_path: Path) -> None:
     updates = np.sort(np.random.default_rng(1).choice(len(T), 250, replace=False))
     held = motion(T)[updates[np.maximum(np.searchsorted(updates, np.arange(len(T)), "right") - 1, 0)]]
     assert forbidding(axis(tmp_path, T, held, force)) == ["position-held"]
+
+
+@pytest.mark.parametrize("axes", [2, 3, 7])
+def test_axes_that_take_turns_in_the_rows_are_named(tmp_path: Path, axes: int) -> None:
+    """As a bus logs its motors, with a column of their numbers: no row follows from the one before it."""
+    turn = np.arange(len(T)) % axes
+    q, v = (1.0 + 0.2 * turn) * motion(T) + 0.05 * turn, (1.0 + 0.2 * turn) * velocity(T)
+    path = axis(tmp_path, T, q, 2.0 * np.sign(v) + 0.1 * v, v)
+    assert "position-jumps" in forbidding(path)
+    (found,) = position_findings(read_measurement(path).records)
+    assert found.what.endswith(f"the rows are of {axes} axes in turn.")
 
 
 @pytest.mark.parametrize("lowest", [-0.25, -9.0])

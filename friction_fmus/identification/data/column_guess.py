@@ -16,7 +16,6 @@ from friction_fmus.identification.data.motion_tests import (
     SAME,
     DriveShare,
     SampledColumns,
-    correlation,
     longest_run,
     without_gaps,
     without_jumps,
@@ -112,14 +111,13 @@ class Guesser:
         t = without_jumps(self.table.columns[clock]) if clock else np.arange(float(rows))
         run = longest_run(t)
         names = [name for name, each in self.about.items() if name != clock and each.kind not in ("time", "other")]
-        dt = float(np.ptp(t[run])) / max(len(t[run]) - 1, 1)  # stamps that jitter have another median
-        values = {name: without_gaps(self.table.columns[name][run]) for name in names}
-        first = t[:MOST]
-        if len(t[run]) < EVEN * len(first) and np.all(np.diff(first) > 0.0):
-            at, dt = np.linspace(first[0], first[-1], len(first), retstep=True)
-            columns = {name: without_gaps(self.table.columns[name][:MOST]) for name in names}
-            values = {name: np.asarray(np.interp(at, first, column)) for name, column in columns.items()}
-        self.data = SampledColumns(values, float(dt))
+        uneven = len(t[run]) < EVEN * len(t[:MOST]) and bool(np.all(np.diff(t[:MOST]) > 0.0))
+        part = slice(0, MOST) if uneven else run
+        dt = float(np.ptp(t[part])) / max(len(t[part]) - 1, 1)  # stamps that jitter have another median
+        values = {name: without_gaps(self.table.columns[name][part]) for name in names}
+        if uneven:
+            values = {name: np.interp(t[0] + dt * np.arange(len(v)), t[part], v) for name, v in values.items()}
+        self.data = SampledColumns(values, dt)
         names = self._without_copies(names)
         motions = self._motions(names)
         every = [fit for motion in motions for fit in self._fits(motion, names)]
@@ -210,7 +208,8 @@ class Guesser:
             rate = 1.0 / (dt * TIMES[usual[0]])
             return [(Column(clock, usual[0]), f"has no unit; only {usual[0]} gives a usual sample rate, {rate:.4g} Hz")]
         self.problems.append(f"the time {clock!r} has no unit")
-        return [(Column(clock, name), "") for name in usual or TIMES]
+        counter = not self.about[clock].named and bool(np.all(np.diff(self.table.columns[clock]) == 1.0))
+        return [(Column(clock, name), "") for name in (["?"] if counter else usual or TIMES)]
 
     def _agrees(self, motion: MotionColumns, seconds: float) -> bool:
         """Return whether velocity and position agree if the time is in this unit."""
@@ -372,7 +371,7 @@ class Guesser:
             self.data.smooth([motion.velocity or motion.position], 2.0, 0 if motion.velocity else 1)[:, 0]
             for motion in (a, b)
         )
-        return float(correlation(x, y[:, None])[0])
+        return float(np.corrcoef(x, y)[0, 1]) if np.ptp(x) and np.ptp(y) else 0.0
 
     # mapping ---------------------------------------------------------------------------------------------------------
 

@@ -127,7 +127,7 @@ QUALIFIERS: Final[Mapping[str, tuple[str, ...]]] = {
         lim, limit, limits, max, min, ff, feedforward, temp, temperature, temperatur, bus, dc, status, state, fault,
         alarm, mode, flag, index, counter, count, cycle, sample, samples, nr, no, number, id, isd, external, ext,
         gain, limiter, rated, vibration, power, leistung, friction, reibung, reibkraft, reibmoment, normal,
-        disturbance, zaehler, zähler, pressure, druck, gripper, humidity, inp, battery, batterie, supply, ee, tcp,
+        disturbance, zaehler, zähler, pressure, druck, gripper, humidity, inp, battery, batterie, batt, supply, ee, tcp,
         温度, 限制, 制限, 上限, 下限, 状态, 状態, 功率, 電力, 摩擦, 计数
     """),
 }
@@ -231,7 +231,7 @@ def about(heading: str, unit: str) -> ColumnMeaning:
     qualifier = next((kind for kind in ("other", "error", "reference", "actual") if joined & {*QUALIFIERS[kind]}), "")
     by_unit = _kind_of_unit(its_unit)
     found = [kind for kind, known in WORDS.items() if joined & {*known}]
-    if "current" in words and len(found) > 1:  # the position at present
+    if {"current", "curr", "cur"} & {*words} and len(found) > 1:  # the position at present
         found.remove("force")
     longer = [kind for kind in found if any(len(word) > 1 and word in WORDS[kind] for word in joined)]
     found = longer or found

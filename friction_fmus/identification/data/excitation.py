@@ -292,6 +292,8 @@ def _saturation(data: _ExaminedRecord) -> Iterator[RecordFinding]:
 
 
 JUMP: Final = 10.0  # ratio of a step of the position to the usual largest step that is a jump
+AXES: Final = 33  # number of axes below which rows of one after the other are searched
+ALTERNATING: Final = 0.02  # least usual step over the range of the position at which they are
 OTHERS: Final = 0.99  # fraction of the steps that are no jumps
 LONG: Final = 5  # smallest number of samples at the largest or smallest value that may be clipped
 FAST: Final = 0.5  # fraction of the usual speed just before a stop above which the position is clipped
@@ -314,6 +316,11 @@ def position_jumps(q: Array, t: Array, quantum: float, unit: str) -> Iterator[Re
     """Yield a finding about a position that jumps, such as an angle that wraps or a counter that was reset."""
     size, intervals = np.abs(np.diff(q)), np.diff(t)
     steps = size * np.minimum(1.0, np.median(intervals) / intervals)
+    for n in range(2, min(AXES, len(q) // 4)):
+        if np.median(size) > max(4.0 * np.median(np.abs(q[n:] - q[:-n])), ALTERNATING * np.ptp(q)):
+            what = f"Each position continues the one {n} samples before it: the rows are of {n} axes in turn."
+            yield RecordFinding("position-jumps", what, "Keep the rows of one axis in the file.")
+            return
     usual = float(np.quantile(steps, OTHERS))
     beside = np.maximum(np.append(steps[1:], 0.0), np.append(0.0, steps[:-1]))
     largest = np.maximum(usual, np.minimum(beside, 0.5 * steps))

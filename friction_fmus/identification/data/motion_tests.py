@@ -94,14 +94,14 @@ class SampledColumns:
 
     def same(self, a: str, b: str) -> float:
         """Return the correlation of two columns."""
-        return float(correlation(without_jumps(self.values[a]), without_jumps(self.values[b])[:, None])[0])
+        return float(_correlation(without_jumps(self.values[a]), without_jumps(self.values[b])[:, None])[0])
 
     def derivatives(self, of: str, candidates: Sequence[str]) -> list[tuple[float, float]]:
         """Return correlation and factor of each candidate with the derivative of a column."""
         best = [(0.0, 0.0)] * len(candidates)
         for width in self.widths() if candidates else ():
             d, w = self.smooth([of], width, 1)[:, 0], self.smooth(candidates, width)
-            r = correlation(d, w)
+            r = _correlation(d, w)
             k = (d - d.mean()) @ w / max(float(np.sum((d - d.mean()) ** 2)), 1e-300) * self.dt
             best = [max(old, (float(r[i]), float(k[i]))) for i, old in enumerate(best)]
         return best
@@ -153,7 +153,7 @@ def _solved(A: Array, F: Array) -> Array:
     return np.asarray(np.linalg.lstsq(A.T @ A, A.T @ F, rcond=None)[0], dtype=np.float64)
 
 
-def correlation(x: Array, y: Array) -> Array:
+def _correlation(x: Array, y: Array) -> Array:
     """Return the correlations of x with the columns of y."""
     x, y = x - x.mean(), y - y.mean(axis=0)
     scale = np.sqrt(float(x @ x) * np.sum(y**2, axis=0)) + 1e-300

@@ -82,7 +82,8 @@ def _format(path: Path, suffix: str, known: Mapping[str, ModuleType]) -> tuple[s
 
 def _unknown(path: Path, known: Mapping[str, ModuleType]) -> str:
     shown = ", ".join(each for each in known if each.count(".") == 1)
-    return f"The format of {path} is unknown; use a file that ends in {shown} or .toml."
+    how = "Other programs export text, such as TwinCAT Scope a .svdx and LabVIEW a .tdms; mcap convert reads a ROS bag."
+    return f"The format of {path} is unknown; use a file that ends in {shown} or .toml. {how}"
 
 
 def _continuous(table: DataTable) -> DataTable:

@@ -47,8 +47,7 @@ class TextLayout:
 
 def read(path: Path, others: tuple[str, ...] = (), named: Naming = headings, ragged: bool = False) -> DataTable:
     """Read a text table: columns separated by ; tab , | or spaces, after comments, keys and headings."""
-    # Lines that start with one of the `others` are no rows either. The rows above the table are `named`. The empty
-    # cells at the end of a `ragged` row may be missing.
+    # Lines that start with one of the `others` are no rows either, and the rows above the table are `named`.
     with pieces(path) as (encoding, parts):
         head = next(parts, "")
         lines = head.split("\n")
@@ -63,9 +62,7 @@ def read(path: Path, others: tuple[str, ...] = (), named: Naming = headings, rag
         return table.finished(NAMES.get(encoding, encoding.upper()))
 
 
-def find_layout(
-    path: Path, lines: Sequence[str], comments: tuple[str, ...], named: Naming = headings, ragged: bool = False
-) -> TextLayout:
+def find_layout(path: Path, lines: Sequence[str], comments: tuple[str, ...], named: Naming, ragged: bool) -> TextLayout:
     """Return separator, headings and first row of the table in the first lines of a text."""
     numbered = [(i, line) for i, line in enumerate(lines) if line.strip()]
     rows = [(i, line) for i, line in numbered if not line.lstrip().startswith(comments)]
