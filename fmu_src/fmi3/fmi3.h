@@ -480,29 +480,19 @@ fmi3Status fmi3GetShiftFraction(fmi3Instance instance, const fmi3ValueReference 
 }
 
 /* The importer may set the interval of no clock, as modelDescription.xml states none: set the parameter Ts instead. */
-#define CANNOT_SET_DECIMAL(name)                                                                                       \
-    fmi3Status fmi3Set##name(fmi3Instance instance, const fmi3ValueReference references[], size_t n,                   \
-                             const fmi3Float64 values[])                                                               \
+#define CANNOT_SET(name, unused, ...)                                                                                  \
+    fmi3Status fmi3Set##name(fmi3Instance instance, const fmi3ValueReference references[], size_t n, __VA_ARGS__)      \
     {                                                                                                                  \
         ENTER_3("Set" #name, MAY3_GetInterval)                                                                         \
-        (void)references, (void)values;                                                                                \
+        (void)references, unused;                                                                                      \
         REQUIRE_3(n == 0, "is not possible: the interval is the parameter Ts")                                         \
         return fmi3OK;                                                                                                 \
     }
-CANNOT_SET_DECIMAL(IntervalDecimal)
-CANNOT_SET_DECIMAL(ShiftDecimal)
-
-#define CANNOT_SET_FRACTION(name)                                                                                      \
-    fmi3Status fmi3Set##name(fmi3Instance instance, const fmi3ValueReference references[], size_t n,                   \
-                             const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])                              \
-    {                                                                                                                  \
-        ENTER_3("Set" #name, MAY3_GetInterval)                                                                         \
-        (void)references, (void)counters, (void)resolutions;                                                           \
-        REQUIRE_3(n == 0, "is not possible: the interval is the parameter Ts")                                         \
-        return fmi3OK;                                                                                                 \
-    }
-CANNOT_SET_FRACTION(IntervalFraction)
-CANNOT_SET_FRACTION(ShiftFraction)
+#define BOTH_UNUSED ((void)counters, (void)resolutions)
+CANNOT_SET(IntervalDecimal, (void)intervals, const fmi3Float64 intervals[])
+CANNOT_SET(ShiftDecimal, (void)shifts, const fmi3Float64 shifts[])
+CANNOT_SET(IntervalFraction, BOTH_UNUSED, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
+CANNOT_SET(ShiftFraction, BOTH_UNUSED, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
 
 fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clock, fmi3Float64 time)
 {
@@ -861,13 +851,8 @@ static fmi3Status differentiate_3(Shell *c, bool is_adjoint, const fmi3ValueRefe
               "was called with %u seeds and %u sensitivities, but the variables have %u and %u elements",
               (unsigned)n_seed, (unsigned)n_sensitivity, (unsigned)given, (unsigned)asked)
     REQUIRE_3(above + below <= REFERENCES, "was called with a variable more than once")
-    fmi2ValueReference *const lower = c->listed + above;
-    fmi2ValueReference *to = c->listed;
-    for (size_t i = 0; i < n_unknowns + n_knowns; i++) {
-        const fmi3ValueReference reference = i < n_unknowns ? unknowns[i] : knowns[i - n_unknowns];
-        for (size_t k = 0, size = size_of_3(c, reference); k < size; k++)
-            *to++ = variables_3[reference].inner + (fmi2ValueReference)k;
-    }
+    fmi2ValueReference *const lower = list_elements_3(c, unknowns, n_unknowns, c->listed);
+    (void)list_elements_3(c, knowns, n_knowns, lower);
     if (!is_adjoint)
         return (fmi3Status)fmi2GetDirectionalDerivative(c->inside, c->listed, above, lower, below, seed, sensitivity);
     return adjoint_3(c, c->listed, above, lower, below, seed, sensitivity);
@@ -899,7 +884,6 @@ fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueRefere
     REQUIRE_3(n == 0 || orders, "was called with a null pointer")
     for (size_t i = 0; i < n; i++)
         REQUIRE_3(orders[i] == 1, "was called with order %d, but only order 1 is available", orders[i])
-    REQUIRE_3(count <= REFERENCES, "was called with a variable more than once")
     for (size_t i = 0; i < n; i++)
         REQUIRE_3(!is_indicator_3(references[i]), "was called for the event indicators, which are no outputs")
     REQUIRE_ELEMENTS(list, references, n, count)

@@ -75,15 +75,22 @@ static inline bool set_scalars_3(const Shell *c, const fmi3ValueReference refere
 }
 #endif
 
+/* List the elements of variables, and return the end of the list. */
+static fmi2ValueReference *list_elements_3(const Shell *c, const fmi3ValueReference references[], size_t n,
+                                           fmi2ValueReference *to)
+{
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 0, size = size_of_3(c, references[i]); k < size; k++)
+            *to++ = variables_3[references[i]].inner + (fmi2ValueReference)k;
+    return to;
+}
+
 /* Return the elements of all variables, which were checked; NULL if there are too many. */
 static const fmi2ValueReference *elements_of_3(Shell *c, const fmi3ValueReference references[], size_t n, size_t count)
 {
     if (count > REFERENCES)
         return NULL;
-    fmi2ValueReference *to = c->listed;
-    for (size_t i = 0; i < n; i++)
-        for (size_t k = 0, size = size_of_3(c, references[i]); k < size; k++)
-            *to++ = variables_3[references[i]].inner + (fmi2ValueReference)k;
+    (void)list_elements_3(c, references, n, c->listed);
     return c->listed;
 }
 
@@ -161,27 +168,19 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference refere
     return set_float64_3(c, references, n, values, count);
 }
 
-fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Int32 values[],
-                        size_t count)
-{
-    ENTER_3("GetInt32", MAY3_Get)
-    const fmi3Status status = check_variables_3(c, references, n, values, count, IS_INT32);
-    if (status != fmi3OK)
-        return status;
-    REQUIRE_ELEMENTS(list, references, n, count)
-    return (fmi3Status)fmi2GetInteger(c->inside, list, count, values);
-}
-
-fmi3Status fmi3SetInt32(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
-                        const fmi3Int32 values[], size_t count)
-{
-    ENTER_3("SetInt32", MAY3_Set)
-    const fmi3Status status = check_variables_3(c, references, n, values, count, IS_INT32);
-    if (status != fmi3OK)
-        return status;
-    REQUIRE_ELEMENTS(list, references, n, count)
-    return (fmi3Status)fmi2SetInteger(c->inside, list, count, values);
-}
+#define INT32(VERB, CONST)                                                                                             \
+    fmi3Status fmi3##VERB##Int32(fmi3Instance instance, const fmi3ValueReference references[], size_t n,               \
+                                 CONST fmi3Int32 values[], size_t count)                                               \
+    {                                                                                                                  \
+        ENTER_3(#VERB "Int32", MAY3_##VERB)                                                                            \
+        const fmi3Status status = check_variables_3(c, references, n, values, count, IS_INT32);                        \
+        if (status != fmi3OK)                                                                                          \
+            return status;                                                                                             \
+        REQUIRE_ELEMENTS(list, references, n, count)                                                                   \
+        return (fmi3Status)fmi2##VERB##Integer(c->inside, list, count, values);                                        \
+    }
+INT32(Get, )
+INT32(Set, const)
 
 fmi3Status fmi3GetBoolean(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Boolean values[],
                           size_t count)
@@ -204,7 +203,6 @@ fmi3Status fmi3SetBoolean(fmi3Instance instance, const fmi3ValueReference refere
     const fmi3Status status = check_variables_3(c, references, n, values, count, IS_BOOLEAN);
     if (status != fmi3OK)
         return status;
-    REQUIRE_3(count <= REFERENCES, "was called with a variable more than once")
     REQUIRE_ELEMENTS(list, references, n, count)
     for (size_t i = 0; i < count; i++)
         c->whole[i] = values[i] ? fmi2True : fmi2False;
@@ -265,23 +263,17 @@ ABSENT(UInt32)
 ABSENT(Int64)
 ABSENT(String)
 
-fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference references[], size_t n, size_t sizes[],
-                         fmi3Binary values[], size_t count)
-{
-    ENTER_3("GetBinary", MAY3_Get)
-    (void)references, (void)sizes, (void)values, (void)count;
-    REQUIRE_3(n == 0, "is not possible: %s has no Binary variables", QUOTE(MODEL))
-    return (fmi3Status)fmi2GetString(c->inside, NULL, 0, NULL);
-}
-
-fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference references[], size_t n, const size_t sizes[],
-                         const fmi3Binary values[], size_t count)
-{
-    ENTER_3("SetBinary", MAY3_Set)
-    (void)references, (void)sizes, (void)values, (void)count;
-    REQUIRE_3(n == 0, "is not possible: %s has no Binary variables", QUOTE(MODEL))
-    return (fmi3Status)fmi2SetString(c->inside, NULL, 0, NULL);
-}
+#define BINARY(VERB, CONST)                                                                                            \
+    fmi3Status fmi3##VERB##Binary(fmi3Instance instance, const fmi3ValueReference references[], size_t n,              \
+                                  CONST size_t sizes[], CONST fmi3Binary values[], size_t count)                       \
+    {                                                                                                                  \
+        ENTER_3(#VERB "Binary", MAY3_##VERB)                                                                           \
+        (void)references, (void)sizes, (void)values, (void)count;                                                      \
+        REQUIRE_3(n == 0, "is not possible: %s has no Binary variables", QUOTE(MODEL))                                 \
+        return (fmi3Status)fmi2##VERB##String(c->inside, NULL, 0, NULL);                                               \
+    }
+BINARY(Get, )
+BINARY(Set, const)
 
 fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance, fmi3ValueReference reference, size_t *number)
 {

@@ -10,6 +10,7 @@ from pathlib import Path, PurePosixPath
 
 from friction_fmus.check.findings import DESCRIPTION, Fault, Finding, Severity, apply, declare, rule
 from harness.compiling.platforms import LONGEST_TABLE, missing_of
+from harness.storage.files import reason
 from harness.storage.zip_file import (
     LONGEST,
     ZipError,
@@ -112,8 +113,7 @@ def _damaged(contents: Contents) -> Iterator[Finding]:
                 while file.read(1 << 20):
                     pass
         except Exception as error:  # zipfile and the codecs raise many kinds of exceptions for damaged members
-            reason = " ".join(str(error).split()) or type(error).__name__
-            message = f"{member.filename} cannot be unpacked ({reason}); copy or export the FMU again"
+            message = f"{member.filename} cannot be unpacked ({reason(error)}); copy or export the FMU again"
             yield DAMAGED.finding(message, member.filename)
 
 

@@ -161,12 +161,17 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
         f"* `{p}_test.c`: a unit test of {N} samples for the target; `{p}_test()` returns 0 or the number of the first "
         f"wrong one. On a PC: `cc{contract} -D{p.upper()}_TEST_MAIN {p}_test.c {p}.c -lm`."
     )
+    agreement = (
+        "The results equal the results of the FMU within single precision."
+        if export.real.suffix
+        else "With `-ffp-contract=off` and the same C library, the results are bit-identical to the FMU."
+    )
     use = (
         f"`{p}_init` sets the start values, `{p}_check` checks the parameters, and `{p}_step` computes one sample; "
         "call it every `Ts` seconds. While an input is NaN or infinite, outputs and states are held and `fault` is "
         f"true. If `{p}.c` is compiled with `-D{p.upper()}_CHECK_POINTERS`, a call with a NULL pointer does nothing; "
         f"`{p}_check` then returns -1. "
-        f"{_agreement(real)} Do not compile with `-ffast-math`."
+        f"{agreement} Do not compile with `-ffast-math`."
     )
     sources, table = f"{p}.c", ""
     if export.table is not None:
@@ -292,12 +297,6 @@ def _start(export: Export) -> str:
 
 def _fill(text: str, indent: str = "") -> str:
     return textwrap.fill(text, 120, subsequent_indent=indent, break_on_hyphens=False, break_long_words=False)
-
-
-def _agreement(real: str) -> str:
-    if real == "float":
-        return "The results equal the results of the FMU within single precision."
-    return "With `-ffp-contract=off` and the same C library, the results are bit-identical to the FMU."
 
 
 def _not_measured(name: str) -> str:

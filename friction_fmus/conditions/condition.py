@@ -153,9 +153,9 @@ def above(value: float, bound: float, scale: float = 0.0) -> bool:
     return value - bound > ROUNDING * max(abs(value), abs(bound), scale)
 
 
-def below(value: float, bound: float, scale: float = 0.0) -> bool:
+def below(value: float, bound: float) -> bool:
     """Return whether a value is below a bound by more than rounding errors; see `above`."""
-    return above(bound, value, scale)
+    return above(bound, value)
 
 
 def at_least(value: float, bound: float) -> bool:
@@ -163,9 +163,9 @@ def at_least(value: float, bound: float) -> bool:
     return not (math.isnan(value) or math.isnan(bound) or below(value, bound))
 
 
-def at_most(value: float, bound: float, scale: float = 0.0) -> bool:
+def at_most(value: float, bound: float) -> bool:
     """Return whether a value is below a bound, or equal to it within rounding errors."""
-    return not (math.isnan(value) or math.isnan(bound) or above(value, bound, scale))
+    return not (math.isnan(value) or math.isnan(bound) or above(value, bound))
 
 
 def compared(holds: Callable[[float, float], bool], value: float, bound: float) -> tuple[bool, float, float]:

@@ -1,7 +1,7 @@
 """modelDescription.xml, units and terminals of a block (FMI 2.0.5, section 2.2), from the row table of its binary."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from types import MappingProxyType
@@ -268,16 +268,14 @@ def model_description(block: Block, description: Description, identifier: str) -
     if description.exchanges:
         root.set("numberOfEventIndicators", str(description.events))
         flags = {name: CAPABILITIES[name] for name in EXCHANGE} | {"completedIntegratorStepNotNeeded": "true"}
-        _interface(root, "ModelExchange", identifier, flags)
-    _interface(root, "CoSimulation", identifier, CAPABILITIES)
+        add_interface(root, "ModelExchange", identifier, flags, [f"{identifier}.c"])
+    add_interface(root, "CoSimulation", identifier, CAPABILITIES, [f"{identifier}.c"])
     units = list(dict.fromkeys(v.unit for v in variables if v.unit))
-    _unit_definitions(root, units)
+    definitions = etree.SubElement(root, "UnitDefinitions")
+    for unit in units:
+        add_unit(definitions, unit, base_unit(unit), [(*shown, 0.0) for shown in DISPLAY_UNITS.get(unit, ())])
     _type_definitions(root, units)
-    categories = etree.SubElement(root, "LogCategories")
-    for name, text in LOG_CATEGORIES.items():
-        etree.SubElement(categories, "Category", name=name, description=text)
-    etree.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", tolerance="1e-10", stepSize="0.001")
-    declare_traits(root)
+    add_general(root, {"startTime": 0.0, "stopTime": 1.0, "tolerance": 1e-10, "stepSize": 0.001})
 
     model_variables = etree.SubElement(root, "ModelVariables")
     jumping = block.reinitialises if description.exchanges else ()
@@ -287,22 +285,36 @@ def model_description(block: Block, description: Description, identifier: str) -
     structure = etree.SubElement(root, "ModelStructure")
     outputs = [v for v in variables if v.role in (OUTPUT, STATE_OUTPUT)]
     derivatives = [v for v in variables if v.role == DERIVATIVE]
-    _unknowns(structure, "Outputs", outputs, description.dependencies, index)
-    _unknowns(structure, "Derivatives", derivatives, description.dependencies, index)
     initial = sorted((*outputs, *derivatives), key=lambda v: index[v.reference])
-    _unknowns(structure, "InitialUnknowns", initial, description.initial_dependencies, index)
+    for name, unknowns, dependencies in (
+        ("Outputs", outputs, description.dependencies),
+        ("Derivatives", derivatives, description.dependencies),
+        ("InitialUnknowns", initial, description.initial_dependencies),
+    ):
+        places = ((v.reference, dependencies[v.reference]) for v in unknowns)
+        add_unknowns(structure, name, ((index[v], [index[known] for known in knowns]) for v, knowns in places))
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
 
 
-def declare_traits(root: etree._Element) -> None:
-    """Tell the harness that inputs need values from outside, and that samples need no clock in FMI 3.0."""
+def add_interface(
+    root: etree._Element, kind: str, identifier: str, flags: Mapping[str, str], sources: Iterable[str]
+) -> None:
+    """Write ``ModelExchange`` or ``CoSimulation`` with its capability flags and the files to compile."""
+    interface = etree.SubElement(root, kind, {"modelIdentifier": identifier, **flags})
+    files = etree.SubElement(interface, "SourceFiles")
+    for source in sources:
+        etree.SubElement(files, "File", name=source)
+
+
+def add_general(root: etree._Element, experiment: Mapping[str, float]) -> None:
+    """Write log categories, default experiment and what the harness needs to know of a block or composite FMU."""
+    categories = etree.SubElement(root, "LogCategories")
+    for name, text in LOG_CATEGORIES.items():
+        etree.SubElement(categories, "Category", name=name, description=text)
+    etree.SubElement(root, "DefaultExperiment", {name: shortest(value) for name, value in experiment.items()})
+    # Inputs need values from outside, and samples need no clock in FMI 3.0.
     tool = etree.SubElement(etree.SubElement(root, "VendorAnnotations"), "Tool", name="harness")
     etree.SubElement(tool, "Part", strict="true", samplesInSteps="true")
-
-
-def _interface(root: etree._Element, kind: str, identifier: str, values: dict[str, str]) -> None:
-    interface = etree.SubElement(root, kind, {"modelIdentifier": identifier, **values})
-    etree.SubElement(etree.SubElement(interface, "SourceFiles"), "File", name=f"{identifier}.c")
 
 
 def shortest(value: float) -> str:
@@ -310,17 +322,22 @@ def shortest(value: float) -> str:
     return repr(float(value)).removesuffix(".0")
 
 
-def _unit_definitions(root: etree._Element, units: list[str]) -> None:
-    definitions = etree.SubElement(root, "UnitDefinitions")
-    for unit in units:
-        element = etree.SubElement(definitions, "Unit", name=unit)
-        base = base_unit(unit)
-        attributes = {name: str(power) for name, power in zip(BASE_SYMBOLS, base.exponents, strict=True) if power}
-        if base.factor != 1.0:
-            attributes["factor"] = shortest(base.factor)
-        etree.SubElement(element, "BaseUnit", attributes)
-        for name, factor in DISPLAY_UNITS.get(unit, ()):
-            etree.SubElement(element, "DisplayUnit", name=name, factor=shortest(factor))
+def add_unit(
+    definitions: etree._Element, name: str, base: BaseUnit | None, displays: Iterable[tuple[str, float, float]]
+) -> None:
+    """Write a unit; one without a base unit is not comparable to others."""
+    element = etree.SubElement(definitions, "Unit", name=name)
+    if base is not None:
+        powers = zip(BASE_SYMBOLS, base.exponents, strict=True)
+        attributes = {symbol: str(power) for symbol, power in powers if power}
+        attributes |= {"factor": shortest(base.factor)} if base.factor != 1.0 else {}
+        etree.SubElement(element, "BaseUnit", attributes | _offset(base.offset))
+    for shown, factor, offset in displays:
+        etree.SubElement(element, "DisplayUnit", {"name": shown, "factor": shortest(factor)} | _offset(offset))
+
+
+def _offset(value: float) -> dict[str, str]:
+    return {"offset": shortest(value)} if value else {}
 
 
 def _type_definitions(root: etree._Element, units: list[str]) -> None:
@@ -340,41 +357,47 @@ def _scalar_variable(
         variability = "discrete"
     attributes = {"name": v.name, "valueReference": str(v.reference), "description": v.text}
     attributes |= {"causality": causality, "variability": variability}
-    if initial:
-        attributes["initial"] = initial
-    scalar = etree.SubElement(parent, "ScalarVariable", attributes)
-
-    has_start = v.role in (INPUT, PARAMETER, FIXED, STATE)
-    if v.type == BOOLEAN:
-        etree.SubElement(scalar, "Boolean", {"start": "true" if v.start else "false"} if has_start else {})
-        return
-    convert = (lambda value: str(int(value))) if v.type == INTEGER else shortest
-    typed: dict[str, str] = {}
-    if v.unit:
-        typed |= {"declaredType": QUANTITIES[v.unit]} if v.unit in QUANTITIES else {}
-        typed["unit"] = v.unit
-    typed |= {name: convert(value) for name, value in (("min", v.min), ("max", v.max)) if math.isfinite(value)}
-    if v.role in (STATE, STATE_OUTPUT) and v.nominal != 1.0:
-        typed["nominal"] = convert(v.nominal)
-    if has_start:
-        typed["start"] = convert(v.start)
-    if v.role == DERIVATIVE:
-        typed["derivative"] = str(index[v.origin])
-    if jumps:
-        typed["reinit"] = "true"
-    etree.SubElement(scalar, "Integer" if v.type == INTEGER else "Real", typed)
+    typed = {
+        "declaredType": QUANTITIES.get(v.unit),
+        "unit": v.unit or None,
+        "min": finite(v.min),
+        "max": finite(v.max),
+        "nominal": v.nominal if v.role in (STATE, STATE_OUTPUT) and v.nominal != 1.0 else None,
+        "start": v.start if v.role in (INPUT, PARAMETER, FIXED, STATE) else None,
+        "derivative": str(index[v.origin]) if v.role == DERIVATIVE else None,
+        "reinit": "true" if jumps else None,
+    }
+    kind = {BOOLEAN: "Boolean", INTEGER: "Integer"}.get(v.type, "Real")
+    add_variable(parent, kind, attributes | ({"initial": initial} if initial else {}), typed)
 
 
-def _unknowns(
-    structure: etree._Element,
-    name: str,
-    unknowns: list[BlockVariable],
-    dependencies: dict[int, tuple[int, ...]],
-    index: dict[int, int],
+def finite(limit: float) -> float | None:
+    """Return a limit, or None if there is none."""
+    return limit if math.isfinite(limit) else None
+
+
+def add_variable(
+    parent: etree._Element, kind: str, attributes: dict[str, str], typed: Mapping[str, str | float | None]
 ) -> None:
-    if unknowns:
+    """Write a variable of this type and those attributes of the type that are not None; a Boolean has a start only."""
+    element = etree.SubElement(etree.SubElement(parent, "ScalarVariable", attributes), kind)
+    for name, value in typed.items():
+        if value is None or (kind == "Boolean" and name != "start"):
+            continue
+        if isinstance(value, str):
+            element.set(name, value)
+        elif kind == "Boolean":
+            element.set(name, "true" if value else "false")
+        else:
+            element.set(name, shortest(value) if kind == "Real" else str(int(value)))
+
+
+def add_unknowns(structure: etree._Element, name: str, unknowns: Iterable[tuple[int, Iterable[int] | None]]) -> None:
+    """Write the indices of unknowns and of the variables on which each depends; None: on all."""
+    listed = list(unknowns)
+    if listed:
         parent = etree.SubElement(structure, name)
-        for v in unknowns:
-            listed = sorted(index[reference] for reference in dependencies[v.reference])
-            text = " ".join(str(i) for i in listed)
-            etree.SubElement(parent, "Unknown", index=str(index[v.reference]), dependencies=text)
+        for index, knowns in listed:
+            element = etree.SubElement(parent, "Unknown", index=str(index))
+            if knowns is not None:
+                element.set("dependencies", " ".join(str(i) for i in sorted(set(knowns))))

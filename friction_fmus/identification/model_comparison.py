@@ -175,16 +175,20 @@ def compare_models(
     """
     _check_fixed(models, task)
     found: dict[str, Identification | str] = {}
+
+    def add(model: str | Path, result: Identification | str) -> None:
+        found[str(model)] = result
+        if ready:
+            ready(result)
+        if progress:
+            progress(len(found), len(models))
+
     if workers < 2 or len(models) < 2:
-        for done, model in enumerate(models, start=1):
-            found[str(model)] = identify_one(model, task)
-            if ready:
-                ready(found[str(model)])
-            if progress:
-                progress(done, len(models))
+        for model in models:
+            add(model, identify_one(model, task))
     else:
         with worker_pool(min(workers, len(models))) as pool:
-            found = _in_parallel(pool, models, task, progress, ready)
+            _in_parallel(pool, models, task, add)
     failed = {name: result for name, result in found.items() if isinstance(result, str)}
     results = [found[str(model)] for model in models if str(model) not in failed]
     if not results:
@@ -227,28 +231,17 @@ def _in_parallel(
     pool: Executor,
     models: Sequence[str | Path],
     task: IdentificationTask,
-    progress: ProgressCallback | None,
-    ready: Callable[[Identification | str], None] | None = None,
-) -> dict[str, Identification | str]:
-    found: dict[str, Identification | str] = {}
-
-    def add(model: str, result: Identification | str) -> None:
-        found[model] = result
-        if ready:
-            ready(result)
-        if progress:
-            progress(len(found), len(models))
-
+    add: Callable[[str | Path, Identification | str], None],
+) -> None:
     quick = next((model for model in models if _is_static(model)), None)
-    waiting = {pool.submit(identify_one, model, task): str(model) for model in models if model != quick}
+    waiting = {pool.submit(identify_one, model, task): model for model in models if model != quick}
     if quick is not None:
-        add(str(quick), identify_one(quick, task))  # while the worker processes start
+        add(quick, identify_one(quick, task))  # while the worker processes start
     for future in as_completed(waiting):
         try:
             add(waiting[future], future.result())
         except BrokenProcessPool:
             add(waiting[future], "a worker process died during this or another model; identify it alone")
-    return found
 
 
 def _check_fixed(models: Sequence[str | Path], task: IdentificationTask) -> None:

@@ -126,7 +126,7 @@ def axes(picture: Picture) -> tuple[tuple[str, str], tuple[float, float]]:
     return (titles[0], titles[1]), (factors[0], factors[1])
 
 
-def reversal(record: Sequence[Picture], part: float = 0.04, end: float = math.inf) -> tuple[float, float] | None:
+def reversal(record: Sequence[Picture], end: float = math.inf) -> tuple[float, float] | None:
     """Return a time span around the reversal nearest to the middle of a record; None without one before the end [s]."""
     for picture in record:
         curve = next((curve for name, curve in picture.data.items() if "reference" in name), None)
@@ -138,6 +138,6 @@ def reversal(record: Sequence[Picture], part: float = 0.04, end: float = math.in
         turns = x[moving[1:][np.diff(np.sign(np.diff(y)[moving])) != 0]]
         if turns.size:
             centre = float(turns[np.argmin(np.abs(turns - 0.5 * (x[0] + x[-1])))])
-            half = 0.5 * part * float(x[-1] - x[0])
+            half = 0.02 * float(x[-1] - x[0])
             return centre - half, centre + half
     return None

@@ -154,8 +154,7 @@ def read_checkpoint(path: Path, system: Assembly, experiment: Experiment) -> Che
     except OSError as error:
         raise ExperimentError(f"cannot read the checkpoint {path}: {error.strerror}; {_REMEDY}") from error
     except Exception as error:  # zipfile and zlib raise many kinds for a damaged file
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise ExperimentError(f"cannot read the checkpoint {path}: {reason}; {_REMEDY}") from error
+        raise ExperimentError(f"cannot read the checkpoint {path}: {reason(error)}; {_REMEDY}") from error
     header = _header(path, members)
     _compare(path, header["system"], identity(system, experiment))
     tick, signals, memory = header["tick"], header["signals"], header["memory"]

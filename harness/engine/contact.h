@@ -40,14 +40,15 @@ static void assume(Newton *newton, const Group *g, const Contact *c, int64_t vel
 
 /* Return whether the load of a contact at rest was its force at the start of the span, too: a mass that returns to
    v = 0 within the span has moved. */
-static bool held_at_start(const Engine *e, const Newton *newton, const Contact *c)
+static bool held_at_start(const Engine *e, const Newton *newton, const Contact *c, const Span *s)
 {
     const double force = newton->w_last[c->unknown];
     bool lines = false;
     for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
         for (int64_t i = c->first_load; i < c->first_load + c->load_count; i++)
             if (e->lines[k].input == newton->loads[i]) {
-                const double load = newton->moving[k].u0;
+                const Moving *const m = &newton->moving[k];
+                const double load = m->inner ? m->u0 : value_at(m, arriving(e, e->lines[k].input), s->from);
                 if (fabs(load - force) <= STARTED * fmax(fabs(load), newton->scale[c->unknown]))
                     return true;
                 lines = true;
@@ -89,9 +90,11 @@ static bool is_beside(const Engine *e, const Contact *c, const Contact *d)
     return c == d || (e->sources[a] == e->sources[b] && (!e->gains || (e->offsets[a] == 0.0 && e->offsets[b] == 0.0)));
 }
 
-/* Return whether another contact holds the same mass. */
+/* Return whether another contact holds the same mass, or a force acts on it that this one does not read. */
 static bool is_shared(const Engine *e, const Newton *newton, const Group *g, const Contact *c)
 {
+    if (velocity_of(newton, c)->partial)
+        return true;
     for (const Contact *d = contacts_of(newton, g); d < contacts_of(newton, g) + g->contacts; d++)
         if (d != c && velocity_of(newton, d)->rigid >= 0 && is_beside(e, c, d))
             return true;
@@ -192,7 +195,8 @@ static const Contact *leader_of(const Engine *e, const Newton *newton, const Gro
             leader = !leader || width(velocity_of(newton, d)) > width(velocity_of(newton, leader)) ? d : leader;
             count++;
         }
-    return is_rest(velocity_of(newton, c)) && count > 1 && width(velocity_of(newton, leader)) != 0.0 ? leader : NULL;
+    const Moving *const m = velocity_of(newton, c);
+    return is_rest(m) && (count > 1 || m->partial) && width(velocity_of(newton, leader)) != 0.0 ? leader : NULL;
 }
 
 /* Divide the force that holds a mass between contacts beside one another. */

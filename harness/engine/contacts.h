@@ -14,20 +14,22 @@
 #define STOPS     0.9999 /* of a step: a contact that stops after more of it stops at its end */
 #define STOPS_NOT 0.5    /* of a step that forces cannot stop within twice its length */
 #define UNEVEN    0.02   /* distance to a stop over the path: how much it may vary with the friction on the way */
+#define PARTIAL   0.01   /* of its force: by how much a contact at rest differs from a load that is not the whole one */
+#define UNLIKE    1e-5   /* of its jump: the same */
 #define FEW       0.05   /* of the way to a stop: that at velocities below the first of two points */
 #define GAUSS     0.28867513459481287 /* distance of the points from the middle: root of 1/12 */
 enum { MOST_CORRECTIONS = 12 };
 
 /* Let a contact be at rest. Its force varies over the span if it was before; in a span in which it stops, it does not.
  */
-static void hold(const Engine *e, Newton *newton, const Group *g, const Contact *c)
+static void hold(const Engine *e, Newton *newton, const Group *g, const Contact *c, const Span *s)
 {
     Moving *const m = velocity_of(newton, c);
     m->leader = -1;
     m->still = 0;
     m->low = m->high = 0.0;
     const bool begins = m->u0 == 0.0 && !m->rests && c->load_count > 0;
-    const bool alone = m->rests == AT_REST || (begins && held_at_start(e, newton, c));
+    const bool alone = m->rests == AT_REST || (begins && held_at_start(e, newton, c, s));
     const bool held = is_shared(e, newton, g, c) ? m->rests != FREE : alone;
     assume(newton, g, c, AT_REST, held ? HOLDING : m->rests == IN_JUMP ? FREE : CHANGING);
 }
@@ -162,13 +164,23 @@ static int solve_at_rest(Engine *e, Newton *newton, const Group *g, const Span *
     return status == SOLVED ? NOT_CONVERGED : status;
 }
 
+/* Return an input of a contact at the end of the span; its signal is that at the end of the step if it comes from
+   outside the loop. */
+static double load_at_end(const Engine *e, const Newton *newton, const Contact *c, int64_t input)
+{
+    for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
+        if (e->lines[k].input == input && !newton->moving[k].inner)
+            return e->lines[k].end;
+    return e->signals[input];
+}
+
 /* Return the input of a contact that is closest to this force: friction at rest tells which one is the load, as a
    normal force is a force, too. INFINITY if it has none. */
 static double load_near(const Engine *e, const Newton *newton, const Contact *c, double force)
 {
     double load = INFINITY;
     for (int64_t k = c->first_load; k < c->first_load + c->load_count; k++) {
-        const double value = e->signals[newton->loads[k]];
+        const double value = load_at_end(e, newton, c, newton->loads[k]);
         if (fabs(value - force) < fabs(load - force))
             load = value;
     }
@@ -210,6 +222,14 @@ static void locate_stop(const Engine *e, const Newton *newton, const Group *g, c
         trial->share = at;
 }
 
+/* Return whether the force that keeps a contact at rest differs from a load that was its force. */
+static bool differs(const Newton *newton, const Contact *c, double load)
+{
+    const double force = newton->w[c->unknown];
+    return velocity_of(newton, c)->force == HOLDING &&
+           fabs(force - load) > PARTIAL * fmax(fabs(force), newton->scale[c->unknown]);
+}
+
 /* Find out whether a contact at rest holds and, if it stops within the span, when. */
 static int test(Engine *e, Newton *newton, const Group *g, const Contact *c, const Span *s, Trial *trial)
 {
@@ -227,9 +247,9 @@ static int test(Engine *e, Newton *newton, const Group *g, const Contact *c, con
     }
     const double load = trial->load;
     const bool equal = isfinite(load) && fabs(rest - load) <= EQUAL * fmax(fabs(rest), fabs(load));
-    const bool by_load = equal && !leads(m) && (m->u0 != 0.0 || held_at_start(e, newton, c));
+    const bool by_load = equal && !leads(m) && (m->u0 != 0.0 || held_at_start(e, newton, c, s));
     m->role = by_load ? AT_REST : IN_JUMP;
-    if (m->rigid > 0 && by_load && !stopping) {
+    if (m->rigid > 0 && by_load && !stopping && !differs(newton, c, load)) {
         trial->holds = true;
         return SOLVED;
     }
@@ -250,6 +270,8 @@ static int test(Engine *e, Newton *newton, const Group *g, const Contact *c, con
     const bool enough =
         m->u0 > 0.0 ? force <= fmax(trial->up, trial->mean) + slack : force >= fmin(trial->down, trial->mean) - slack;
     trial->holds = m->rigid > 0 && (!stopping || enough) && (by_load || (force >= least && force <= most));
+    if (trial->holds && by_load && differs(newton, c, load) && fabs(force - load) > UNLIKE * (high - low))
+        m->partial = 1;
     /* in a divided step, a contact that goes on in the other direction is located, too */
     const bool passes = m->rigid > 0 && (s->to - s->from < 1.0 || leads(m));
     if (stopping && (trial->holds || passes))
@@ -271,12 +293,14 @@ static int keep_or_release(Engine *e, Newton *newton, const Group *g, const Cont
 {
     Moving *const m = velocity_of(newton, c);
     const double start = newton->w_last[c->unknown], end = newton->w[c->unknown];
+    const int64_t partial = m->partial;
     Trial trial;
     const int status = test(e, newton, g, c, s, &trial);
     attempt->share = fmin(attempt->share, trial.share);
     attempt->held = attempt->held || trial.holds;
     attempt->changes = attempt->changes || !m->rests || m->role == IN_JUMP;
     lead(newton, g, c);
+    attempt->changed = attempt->changed || m->partial > partial;
     if (status != SOLVED || trial.holds)
         return status;
     attempt->changed = true;
@@ -309,7 +333,7 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
         if (status == NOT_CONVERGED) { /* it may be another contact that stops */
             for (const Contact *c = first; c < last && tries == 0; c++)
                 if (!is_rest(velocity_of(newton, c)) && velocity_of(newton, c)->rigid >= 0) {
-                    hold(e, newton, g, c);
+                    hold(e, newton, g, c, s);
                     attempt.changed = true;
                 }
             if (attempt.changed)
@@ -322,7 +346,7 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
             if (is_rest(m) && m->leader < 0)
                 status = keep_or_release(e, newton, g, c, s, &attempt);
             else if (!is_rest(m) && passes && tries < g->contacts) {
-                hold(e, newton, g, c);
+                hold(e, newton, g, c, s);
                 attempt.changed = true;
             }
         }
@@ -349,14 +373,14 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
 }
 
 /* Hold contacts that pass v = 0, or, if `any`, may: all, or the one with the number `only`. Return whether one is. */
-static bool hold_some(const Engine *e, Newton *newton, const Group *g, int64_t only, bool any)
+static bool hold_some(const Engine *e, Newton *newton, const Group *g, const Span *s, int64_t only, bool any)
 {
     bool held = false;
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         const Moving *const m = velocity_of(newton, c);
         const bool slows = m->u0 * m->u1 <= (1.0 - STOPS) * m->u0 * m->u0;
         if (m->rigid >= 0 && (slows || any) && (only < 0 || is_beside(e, c, contacts_of(newton, g) + only))) {
-            hold(e, newton, g, c);
+            hold(e, newton, g, c, s);
             held = true;
         } else if (only >= 0)
             let_go(e, newton, g, c, false);
@@ -365,12 +389,12 @@ static bool hold_some(const Engine *e, Newton *newton, const Group *g, int64_t o
 }
 
 /* Hold the contacts that begin the span with v = 0 and let the others move. Return whether one is held. */
-static bool hold_resting(const Engine *e, Newton *newton, const Group *g)
+static bool hold_resting(const Engine *e, Newton *newton, const Group *g, const Span *s)
 {
     bool held = false;
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
         if (velocity_of(newton, c)->rigid >= 0 && velocity_of(newton, c)->u0 == 0.0) {
-            hold(e, newton, g, c);
+            hold(e, newton, g, c, s);
             held = true;
         } else
             assume(newton, g, c, FREE, FREE);
@@ -387,7 +411,7 @@ static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, cons
     if (smooth)
         return iterate(e, newton, g, number, s, again);
     newton->jumped = false;
-    const bool tried = hold_resting(e, newton, g);
+    const bool tried = hold_resting(e, newton, g, s);
     int status = tried ? solve_held(e, newton, g, s, again, &rests) : SOLVED;
     if (status != SOLVED || rests)
         return status;
@@ -396,14 +420,14 @@ static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, cons
     if (status != NOT_CONVERGED && (tried || status != SOLVED))
         return status;
     const bool jumped = newton->jumped, any = jumped || status == NOT_CONVERGED;
-    if (!tried && !hold_some(e, newton, g, -1, any))
+    if (!tried && !hold_some(e, newton, g, s, -1, any))
         return status;
     double *const w = newton->work + 6 * newton->most_unknowns + 2 * newton->most_unknowns * newton->most_unknowns;
     memcpy(w, newton->w + g->unknown, (size_t)g->unknowns * sizeof(double));
     status = tried ? SOLVED : solve_held(e, newton, g, s, true, &rests);
     const bool alone = any && g->contacts > 1;
     for (int64_t i = 0; alone && i < g->contacts && status == SOLVED && !rests; i++)
-        if (hold_some(e, newton, g, i, any))
+        if (hold_some(e, newton, g, s, i, any))
             status = solve_held(e, newton, g, s, true, &rests);
     if (status != SOLVED || rests)
         return status;

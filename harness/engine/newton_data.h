@@ -31,6 +31,7 @@ typedef struct {
        determines its force, or -1; both over this one */
     double low, high;
     int64_t leader, still; /* `still`: it stops at the start of the span */
+    int64_t partial;       /* the loads that the contact reads are not all forces on the mass */
     double base, slope;
 } Moving;
 

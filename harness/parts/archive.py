@@ -17,6 +17,7 @@ from lxml import etree
 from harness.errors import FmuError
 from harness.parts.flat_description import Flat, flatten
 from harness.parts.part import Port, PortType, StartValue
+from harness.storage.files import reason
 from harness.storage.zip_file import ZipError, open_file, open_zip, read_zip
 from harness.units import BaseUnit, stated_unit
 
@@ -132,14 +133,10 @@ def _read_members(path: Path) -> tuple[list[str], bytes]:
     with open_file("FMU", path, FmuError) as archive:
         if "modelDescription.xml" not in archive.namelist():
             raise FmuError(f"{path} is not an FMU: it has no modelDescription.xml; export it again as FMI 2.0")
-        return archive.namelist(), _read_xml(archive, path)
-
-
-def _read_xml(archive: zipfile.ZipFile, path: Path) -> bytes:
-    try:
-        return read_zip(archive, "modelDescription.xml")
-    except ZipError as error:
-        raise FmuError(f"cannot read modelDescription.xml of {path}: {error}") from error
+        try:
+            return archive.namelist(), read_zip(archive, "modelDescription.xml")
+        except ZipError as error:
+            raise FmuError(f"cannot read modelDescription.xml of {path}: {error}") from error
 
 
 def _root(path: Path, data: bytes) -> etree._Element:
@@ -154,8 +151,8 @@ def _root(path: Path, data: bytes) -> etree._Element:
 
 
 def _unreadable(path: Path, error: Exception) -> FmuError:
-    reason = " ".join(str(error).split()) or type(error).__name__
-    return FmuError(f"cannot read modelDescription.xml of {path}: {reason}; correct it, or give an FMI 2.0 or 3.0 FMU")
+    why = reason(error)
+    return FmuError(f"cannot read modelDescription.xml of {path}: {why}; correct it, or give an FMI 2.0 or 3.0 FMU")
 
 
 def _traits(root: etree._Element) -> frozenset[str]:

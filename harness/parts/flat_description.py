@@ -57,10 +57,6 @@ class Flat:
     others: Mapping[str, str]  # types of the variables that are no ports, clocks and binaries
     exchange: bool  # whether the FMU offers model exchange as well
 
-    def names(self, array: Array) -> tuple[str, ...]:
-        """Return the names of the elements."""
-        return self.elements_of[array.name]
-
     @property
     def structural(self) -> dict[str, Array]:
         """The structural parameters by name."""

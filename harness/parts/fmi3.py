@@ -340,7 +340,7 @@ class Instance3(Instance):
     def preload(self, values: Mapping[str, StartValue]) -> None:
         """Take over all start values before the first is set, as an array is set as a whole."""
         for array in self._flat.arrays:
-            names = {name: k for k, name in enumerate(self._flat.names(array)) if name in values}
+            names = {name: k for k, name in enumerate(self._flat.elements_of[array.name]) if name in values}
             place = self._kept["values"][array.first : array.first + array.count]
             for name, k in names.items():
                 value = values[name]

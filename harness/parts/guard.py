@@ -86,21 +86,16 @@ class Guard:
             if not self.watched:
                 yield
                 return
-            with self._watching_all(look=look):
+            _listen()
+            _hear_python()
+            self._before = _surroundings() if look else None
+            _running.append(self)
+            try:
                 yield
-
-    @contextmanager
-    def _watching_all(self, *, look: bool) -> Iterator[None]:
-        _listen()
-        _hear_python()
-        self._before = _surroundings() if look else None
-        _running.append(self)
-        try:
-            yield
-        finally:
-            self.look()
-            _running.remove(self)
-            self._before = None
+            finally:
+                self.look()
+                _running.remove(self)
+                self._before = None
 
 
 _running: list[Guard] = []

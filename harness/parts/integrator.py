@@ -36,17 +36,20 @@ _SUNDIALS: Final = 7
 _BDF: Final = 2
 _ADVICE: Final = "export the FMU for co-simulation"
 
-FUNCTIONS: Final = (
-    *("EnterEventMode", "NewDiscreteStates", "EnterContinuousTimeMode", "CompletedIntegratorStep", "SetTime"),
-    *("SetContinuousStates", "GetContinuousStates", "GetDerivatives", "GetEventIndicators"),
-    "GetNominalsOfContinuousStates",
-)
+_FIELDS: Final = {
+    "EnterEventMode": "enter_event_mode",
+    "NewDiscreteStates": "new_discrete_states",
+    "EnterContinuousTimeMode": "enter_continuous_time_mode",
+    "CompletedIntegratorStep": "completed_step",
+    "SetTime": "set_time",
+    "SetContinuousStates": "set_states",
+    "GetContinuousStates": "get_states",
+    "GetDerivatives": "get_derivatives",
+    "GetEventIndicators": "get_indicators",
+    "GetNominalsOfContinuousStates": "get_nominals",
+}  # fields in Integrator
+FUNCTIONS: Final = tuple(_FIELDS)
 """Functions for model exchange, in the order of ``failure`` in integrator.h, which begins at 1."""
-
-_FIELDS: Final = (
-    *("enter_event_mode", "new_discrete_states", "enter_continuous_time_mode", "completed_step"),
-    *("set_time", "set_states", "get_states", "get_derivatives", "get_indicators", "get_nominals"),
-)  # their fields in Integrator
 
 _SET_INPUTS, _GET_INPUTS = 11, 12
 _OTHERS: Final = MappingProxyType(
@@ -106,7 +109,7 @@ class Integrator:
         data.component = component
         data.set, data.get = ((_POINTER * 3)(*(addresses[verb + kind] for kind in _TYPES)) for verb in ("Set", "Get"))
         data.get_state, data.set_state, data.free_state = (addresses[f"{verb}FMUstate"] for verb in _STATE)
-        for field, function in zip(_FIELDS, FUNCTIONS, strict=True):
+        for function, field in _FIELDS.items():
             setattr(data, field, addresses[function])
         data.states, data.indicators, data.most_moving = len(states), indicators, inputs
         size = max(1, len(states), indicators, inputs)

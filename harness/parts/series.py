@@ -245,8 +245,7 @@ def _numbers(part: str, column: str, values: ArrayLike, remedy: str) -> Values:
             raise TypeError("they are dates")
         return found.astype(np.float64)
     except (TypeError, ValueError) as error:
-        why = " ".join(str(error).split())
-        raise SeriesError(f"the {column} of the record '{part}' are no numbers ({why}): {remedy}") from error
+        raise SeriesError(f"the {column} of the record '{part}' are no numbers ({reason(error)}): {remedy}") from error
 
 
 def _read_csv(path: Path) -> tuple[Values, dict[str, Values], dict[str, str]]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from harness.errors import MissingPackageError, OutputError, ResultFileError
+from harness.storage.files import reason
 
 if TYPE_CHECKING:
     from harness.result import Result
@@ -76,8 +77,7 @@ def load_result(path: str | Path) -> Result:
     except MissingPackageError:
         raise
     except Exception as error:  # for a damaged file, the libraries raise many kinds of exceptions
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise ResultFileError(f"cannot read the result {path}: {reason}; give a file of this format") from error
+        raise ResultFileError(f"cannot read the result {path}: {reason(error)}; give a file of this format") from error
     return result
 
 

@@ -137,7 +137,7 @@ _OLD = ("Float64", "Int32", "Boolean", "String", "Enumeration")
 def arrays_of(part: FmuPart) -> dict[str, Array]:
     """Return the variable of FMI 3.0 for each of its elements; none for an FMI 2.0 FMU."""
     flat = part.archive.flat
-    return {} if flat is None else {name: array for array in flat.arrays for name in flat.names(array)}
+    return {} if flat is None else {name: array for array in flat.arrays for name in flat.elements_of[array.name]}
 
 
 def indices(element: str) -> str:

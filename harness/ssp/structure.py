@@ -142,7 +142,12 @@ def read_structure(root: etree._Element, units: Mapping[str, BaseUnit], where: s
         if kind == "SignalDictionaryReference" or element.find("ssd:SignalDictionaries", SPACES) is not None:
             raise SystemFileError(f"{where} has signal dictionaries: connect the signals directly instead")
         if kind == "Component":
-            _check_component(element, f"component '{'.'.join(path)}' in {where}")
+            media = element.get("type", FMU_TYPE)
+            if media != FMU_TYPE:
+                raise SystemFileError(
+                    f"component '{'.'.join(path)}' in {where} is of type {media}, which is not supported: put its "
+                    "content into the system instead"
+                )
         found = components if kind == "Component" else systems
         if path in components or path in systems:
             raise SystemFileError(f"{where} has two elements '{'.'.join(path)}': rename one")
@@ -185,14 +190,6 @@ def _walk(path: Path, element: etree._Element) -> Iterator[tuple[Path, etree._El
     yield path, element
     for inner in element.iterfind("ssd:Elements/*", SPACES):
         yield from _walk((*path, inner.get("name", "")), inner)
-
-
-def _check_component(element: etree._Element, where: str) -> None:
-    kind = element.get("type", FMU_TYPE)
-    if kind != FMU_TYPE:
-        raise SystemFileError(
-            f"{where} is of type {kind}, which is not supported: put its content into the system instead"
-        )
 
 
 def _edge(path: Path, element: etree._Element, connectors: Mapping[Endpoint, Connector], where: str) -> Edge:

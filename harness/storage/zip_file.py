@@ -10,6 +10,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import IO, Final
 
+from harness.storage.files import reason
+
 LARGEST: Final = 1 << 28  # unpacked size that every archive may have, however small its file [bytes] ...
 RATIO: Final = 200  # ... and beyond, the largest ratio to the size of its file; deflate reaches 1030, text about 20
 LONGEST: Final = (255, 1024)  # longest name and path [bytes]; Linux allows 4096 in a path, including the target folder
@@ -57,7 +59,7 @@ def read_zip(archive: zipfile.ZipFile, member: str) -> bytes:
     try:
         return archive.read(entry)
     except Exception as error:  # zipfile and the codecs raise many kinds of exceptions for damaged members
-        raise ZipError(f"its member '{member}' is damaged ({_reason(error)}); {_AGAIN}") from error
+        raise ZipError(f"its member '{member}' is damaged ({reason(error)}); {_AGAIN}") from error
 
 
 def unpack_zip(archive: zipfile.ZipFile, folder: Path, without: tuple[str, ...] = ()) -> None:
@@ -70,7 +72,7 @@ def unpack_zip(archive: zipfile.ZipFile, folder: Path, without: tuple[str, ...] 
         except Exception as error:  # as above
             if isinstance(error, OSError) and error.errno is not None:
                 raise  # from the file system, not from a codec
-            raise ZipError(f"its member '{entry.filename}' is damaged ({_reason(error)}); {_AGAIN}") from error
+            raise ZipError(f"its member '{entry.filename}' is damaged ({reason(error)}); {_AGAIN}") from error
 
 
 def size_of(archive: zipfile.ZipFile) -> int:
@@ -186,9 +188,9 @@ def open_unchecked(source: Path | IO[bytes]) -> zipfile.ZipFile:
     try:
         return zipfile.ZipFile(source)
     except NotImplementedError as error:  # zip file version 8.4
-        raise ZipError(f"it needs a newer version of the zip format ({_reason(error)}); zip it with deflate") from error
+        raise ZipError(f"it needs a newer version of the zip format ({reason(error)}); zip it with deflate") from error
     except Exception as error:  # zipfile raises many kinds of exceptions for a damaged directory
-        raise ZipError(f"its directory is damaged ({_reason(error)}); {_AGAIN}") from error
+        raise ZipError(f"its directory is damaged ({reason(error)}); {_AGAIN}") from error
 
 
 def _refuse_parts(file: IO[bytes]) -> None:
@@ -201,10 +203,6 @@ def _refuse_parts(file: IO[bytes]) -> None:
     disk, first = struct.unpack_from("<HH", tail, place + 4)
     if any(number not in (0, 0xFFFF) for number in (disk, first)):  # 65535: the number is in the zip64 record
         raise ZipError("it is one part of an archive that spans several files; zip it as one file")
-
-
-def _reason(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
 
 
 def zipped(members: Mapping[str, bytes], made: str) -> bytes:

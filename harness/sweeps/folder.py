@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from harness.errors import SweepError
 from harness.parts.part import PortType
 from harness.result import DTYPES
-from harness.storage.files import atomic_path, make_folder
+from harness.storage.files import atomic_path, make_folder, reason
 from harness.sweeps.columns import Columns
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Outcome
@@ -152,7 +152,7 @@ def _read(path: Path) -> Any:
     try:
         return pq.ParquetFile(path, page_checksum_verification=True).read()
     except (OSError, pa.ArrowException, ValueError) as error:
-        raise SweepError(_damage(path, " ".join(str(error).split()))) from error
+        raise SweepError(_damage(path, reason(error))) from error
 
 
 def _damage(path: Path, why: str) -> str:
@@ -202,7 +202,7 @@ def read_sweep(folder: str | Path) -> xr.Dataset:
     try:
         table = pds.dataset(files, format=_FORMAT).to_table().sort_by("run")
     except (OSError, pa.ArrowException, ValueError) as error:
-        why = " ".join(str(error).split())
+        why = reason(error)
         raise SweepError(f"cannot read the runs in {path}: {why}; remove the damaged file and sweep again") from error
     if missing := {"run", *parameters} - set(table.column_names):
         raise SweepError(f"the runs in {path} have no column {min(missing)}: remove the folder and sweep again")

@@ -21,7 +21,7 @@ from typing import Any, Final, Protocol, TypeAlias
 
 from harness.errors import SweepError
 from harness.processors import available
-from harness.storage.files import ScratchFolder
+from harness.storage.files import ScratchFolder, reason
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Job, Outcome, close_runners, run_chunk
 from harness.workers import end_with_parent
@@ -186,15 +186,15 @@ class _Slot:
 
 def _new_slot(context: BaseContext, scratch: str) -> _Slot:
     """Start a worker process, with a new fork server if the old one has been killed."""
-    reason = ""
+    why = ""
     for pause in _PAUSES:
         sleep(pause)
         try:
             return _Slot(context, scratch)
         except (EOFError, OSError) as error:
-            reason = str(error)
+            why = str(error)
     raise SweepError(
-        f"no worker process of the sweep could be started ({reason}): use fewer workers, or the executor 'threads'"
+        f"no worker process of the sweep could be started ({why}): use fewer workers, or the executor 'threads'"
     )
 
 
@@ -241,10 +241,9 @@ class DaskPool:
                 raise OSError(f"the client is {self._client.status}")
             yield
         except (OSError, RuntimeError, TimeoutError, CancelledError) as error:
-            reason = " ".join(str(error).split()) or type(error).__name__
             raise SweepError(
-                f"the sweep has lost the dask scheduler ({reason}): start it again and connect a new client; a sweep "
-                "with an output folder resumes where it stopped"
+                f"the sweep has lost the dask scheduler ({reason(error)}): start it again and connect a new client; a "
+                "sweep with an output folder resumes where it stopped"
             ) from error
 
 

@@ -7,6 +7,7 @@ state.
 
 import logging
 from collections.abc import Iterable, Mapping, Sequence
+from graphlib import TopologicalSorter
 from typing import Final
 
 import numpy as np
@@ -183,16 +184,9 @@ def _opened(parts: Mapping[str, Part], wires: Sequence[Wire]) -> Edges:
 def _depths(edges: Edges) -> dict[Node, int]:
     """Return the number of connections from each output to the farthest state on which it depends; no loops."""
     depth: dict[Node, int] = {}
-    for root in edges:
-        stack = [root]
-        while stack:
-            node = stack[-1]
-            missing = [source for source, _ in edges[node] if source not in depth]
-            if missing:
-                stack.extend(missing)
-                continue
-            depth[node] = max((depth[source] + 1 for source, _ in edges[node]), default=0)
-            stack.pop()
+    sources = {node: [source for source, _ in found] for node, found in edges.items()}
+    for node in TopologicalSorter(sources).static_order():
+        depth[node] = max((depth[source] + 1 for source in sources[node]), default=0)
     return depth
 
 

@@ -127,6 +127,60 @@ def test_a_mass_stops_whatever_its_normal_force(build_fmu: BuildFmu, master: str
     assert float(result["mass.x"][-1]) == pytest.approx(0.02 / (Fc * Fn), rel=1e-9)
 
 
+@pytest.mark.parametrize("master", ["newton", "adaptive"])
+@pytest.mark.parametrize("name", some(["Coulomb", "Stiction"], ["Coulomb"]))
+@pytest.mark.parametrize("step", [0.1, 2.0])
+@pytest.mark.parametrize("drive", [-0.9, -0.5, 0.5])
+def test_a_mass_under_a_constant_force_stops_in_closed_form(
+    build_fmu: BuildFmu, master: str, name: str, step: float, drive: float
+) -> None:
+    """Friction of 1 N and the force stop 1 kg within a step; then friction, which is larger, holds it for good."""
+    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu(name))]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
+    for v0 in (0.31, 0.62):
+        start = {"mass.v0": v0, "mass.F_drive": drive} | ({"friction.Fv": 0.0} if name == "Stiction" else {})
+        with System(parts, wires, start) as system:
+            result = system.run(stop=2.0, step=step, master=master, record=["mass.x", "mass.v", "friction.F"])
+        assert result["mass.x"].values[-1] == pytest.approx(v0**2 / (2.0 * (1.0 - drive)), rel=1e-12)
+        assert result["mass.v"].values[-1] == 0.0
+        assert result["friction.F"].values[-1] == pytest.approx(drive, rel=1e-12)
+
+
+@pytest.mark.parametrize("master", ["newton", "adaptive"])
+@pytest.mark.parametrize("name", some(["Coulomb", "Stiction"], ["Stiction"]))
+@pytest.mark.parametrize("wiring", ["mass", "drive", "sum", "sum without it"])
+@pytest.mark.parametrize(("v0", "step"), some([(0.0, 1e-3), (0.0, 1e-2), (0.31, 1e-3)], [(0.0, 1e-2), (0.31, 1e-3)]))
+def test_static_friction_breaks_away_at_its_force_however_it_is_connected(
+    build_fmu: BuildFmu, master: str, name: str, wiring: str, v0: float, step: float
+) -> None:
+    """A force of 0.5 N/s stops 1 kg later than friction alone and, when it exceeds static friction, moves it again.
+
+    F_ext comes from the mass or directly from the drive; the drive may act on the mass beside its friction, by a sum,
+    where the mass does not know that it is a load.
+    """
+    a, Fc, Fs = 0.5, 1.0, 1.5 if name == "Stiction" else 1.0
+    drive = SeriesPart("drive", [0.0, 10.0], {"F": [0.0, 10.0 * a]}, {"F": "N"})
+    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu(name)), drive]
+    start = {"mass.v0": v0} | ({"friction.Fv": 0.0} if name == "Stiction" else {})
+    wires = ["mass.v -> friction.v", f"{'drive.F' if wiring in ('drive', 'sum') else 'mass.F_ext'} -> friction.F_ext"]
+    if wiring in ("mass", "drive"):
+        wires += ["friction.F -> mass.F_friction", "drive.F -> mass.F_drive"]
+    else:
+        parts.append(FmuPart("sum", build_fmu("Sum")))
+        wires += ["friction.F -> sum.u1", "drive.F -> sum.u2", "sum.y -> mass.F_friction"]
+        start |= {"sum.gain[2]": -1.0, "mass.F_drive": 0.0}
+    with System(parts, wires, start) as system:
+        result = system.run(stop=4.0, step=step, master=master, record=["mass.x", "mass.v"])
+    stops = (Fc - math.sqrt(Fc**2 - 2.0 * a * v0)) / a
+    rest = v0 * stops + a * stops**3 / 6.0 - Fc * stops**2 / 2.0
+    t, begins = result["time"].values, Fs / a
+    late = np.maximum(t - begins, 0.0)
+    x = rest + a * (begins * late**2 / 2.0 + late**3 / 6.0) - Fc * late**2 / 2.0
+    held = (t > stops + step) & (t < begins - step)
+    assert (result["mass.v"].values[held] == 0.0).all()
+    np.testing.assert_allclose(result["mass.x"].values[t > stops + step], x[t > stops + step], atol=1e-6)
+
+
 def test_a_mass_stops_early_in_a_step(build_fmu: BuildFmu) -> None:
     """After 0.1 ms of 50 ms, x = m v0^2/(2 (Fc + 24 N)); Fs holds it under all later loads, but Fc would not."""
     m, v0, Fc = 0.07, 0.05, 8.0

@@ -188,7 +188,8 @@ def test_a_process_that_dies_is_a_reason_too(log: Path) -> None:
             return future
 
     task = IdentificationTask(read_measurement(log).window(0.0, 3.0))
-    found = _in_parallel(Dying(), ["Dahl", "Coulomb", "LuGre"], task, None)
+    found: dict[str, Identification | str] = {}
+    _in_parallel(Dying(), ["Dahl", "Coulomb", "LuGre"], task, found.__setitem__)
     assert next(iter(found)) == "Coulomb" and isinstance(found["Coulomb"], Identification)  # while workers start
     assert set(found) == {"Dahl", "Coulomb", "LuGre"}
     assert "a worker process died" in str(found["Dahl"])

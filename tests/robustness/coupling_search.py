@@ -2,6 +2,7 @@
 
     python tests/robustness/coupling_search.py 500
     python tests/robustness/coupling_search.py 60 --accuracy
+    python tests/robustness/coupling_search.py 60 --load drive
 
 A mass on a spring and a damper, on rigid friction (one half) or on a contact with states, is moved by its support and
 by steps of a force, on and off the communication grid. The references are not from the library: event-driven closed
@@ -11,7 +12,8 @@ rows (1 % with --accuracy, as required there), and v and F in 97 % of them. The 
 the points of the reference. A step of a force between two communication points may act at either of them. A system is
 not counted if its answer changes by as much where friction is 0.3 % lower, or if its reference takes too long; if it
 does so where forces act at communication points, both answers count. Before a run is called wrong, two more
-references with smaller tolerances confirm the first one.
+references with smaller tolerances confirm the first one. With --load drive, friction reads the applied force only, and
+not those of the spring and the damper.
 """
 
 from __future__ import annotations
@@ -71,6 +73,8 @@ class Case:
     through_sum: bool
     solve: Callable[[Sequence[Phase], float, np.ndarray, int], dict[str, np.ndarray]]
     """The answer for loads and a factor of all friction, at these times, with tolerances as of `Carried`."""
+    load: str = "mass"
+    """Where F_ext comes from: all other forces from the mass, or the applied one from the drive."""
 
     @property
     def stop(self) -> float:
@@ -102,10 +106,10 @@ class Case:
         return SeriesPart("drive", times, {"F": force}, {"F": "N"}, interpolation="previous", beyond="hold")
 
     def parts(self) -> tuple[list[FmuPart], list[str]]:
-        """The mass on its contact, without the applied force."""
+        """The mass on its contact, without the applied force and, if the load is that, without F_ext."""
         parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu(self.model))]
         wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction"]
-        if "F_ext" in {port.name for port in parts[1].inputs}:
+        if self.reads_load and self.load == "mass":
             if self.through_sum:
                 parts.append(FmuPart("sum", fmu("Sum")))
                 wires += ["mass.F_ext -> sum.u1", "sum.y -> friction.F_ext"]
@@ -113,15 +117,27 @@ class Case:
                 wires.append("mass.F_ext -> friction.F_ext")
         return parts, wires
 
+    @property
+    def reads_load(self) -> bool:
+        """Whether the friction model has an input for the other forces."""
+        return self.model in RIGID and self.model != "Viscous"
+
+    @property
+    def driven(self) -> list[str]:
+        """The inputs that the applied force is connected to."""
+        return ["mass.F_drive", *(["friction.F_ext"] if self.reads_load and self.load == "drive" else [])]
+
     def coupled(self) -> System:
         """The system for the masters."""
         parts, wires = self.parts()
-        return System([*parts, self.drive()], [*wires, "drive.F -> mass.F_drive"], self.start)
+        wires += [f"drive.F -> {name}" for name in self.driven]
+        return System([*parts, self.drive()], wires, self.start)
 
     def composed(self, made: Composites) -> System:
         """The system as one FMU under its applied force."""
         start = {f"one.{name}": value for name, value in self.start.items()}
-        return System([FmuPart("one", made.of(self)), self.drive()], ["drive.F -> one.mass.F_drive"], start)
+        wires = [f"drive.F -> one.{name}" for name in self.driven]
+        return System([FmuPart("one", made.of(self)), self.drive()], wires, start)
 
 
 @dataclass
@@ -134,11 +150,11 @@ class Composites:
     def of(self, case: Case) -> Path:
         """Return the FMU of a case."""
         parts, wires = case.parts()
-        key = (case.model, case.step, len(parts))
+        key = (case.model, case.step, len(parts), len(wires))
         if key not in self.made:
             path = self.folder / f"Composite{len(self.made)}.fmu"
-            with System(parts, wires, {"mass.F_drive": 0.0}) as system:
-                system.to_fmu(path, step=case.step, inputs=["mass.F_drive"])
+            with System(parts, wires, dict.fromkeys(case.driven, 0.0)) as system:
+                system.to_fmu(path, step=case.step, inputs=case.driven)
             self.made[key] = path
         return self.made[key]
 
@@ -485,6 +501,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("count", type=int, help="number of systems")
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--runs", default=",".join((*MASTERS, "composite")), help="masters and composite, with commas")
+    parser.add_argument("--load", choices=("mass", "drive"), default="mass", help="where friction reads other forces")
     parser.add_argument("--accuracy", action="store_true", help="judge what accuracy=True says")
     options = parser.parse_args(arguments)
     logging.getLogger("harness").addHandler(logging.NullHandler())
@@ -492,7 +509,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with tempfile.TemporaryDirectory() as folder:
         made = Composites(Path(folder))
         for seed in range(options.first, options.first + options.count):
-            case = draw(seed)
+            case = replace(draw(seed), load=options.load)
             begin = time.process_time()
             answers = References(case, REQUIRED if options.accuracy else OFF)
             spent = time.process_time() - begin

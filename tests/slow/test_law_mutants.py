@@ -28,6 +28,7 @@ OPERATORS = {
 EQUIVALENT = (
     r"(sign_|side)",  # a product with a sign, or a quotient
     r"\* active > 0",  # `active` is -1 or 1 in this branch
+    r"- floor\(r_per_pitch",  # whole turns of an angle
     r"states->way = way_or_0;",  # matters only for slipping elements, and none slips after a sample at rest
 )
 """Lines whose mutants are not counted, with the reason."""

@@ -85,7 +85,7 @@ def test_no_text_of_a_rotary_study_has_linear_words_or_units(joint: Path, capsys
     printed = " ".join(capsys.readouterr().out.split())
     assert linear_words(printed) == []
     assert "drive torque" in printed
-    assert "friction, inertia, delay, encoder and load" in printed
+    assert "friction, inertia, delay, encoder and reference" in printed
 
     page = (out / "report.html").read_text(encoding="utf-8")
     plots = re.findall(r'<script type="application/json".*?</script>', page, re.S)
@@ -120,7 +120,7 @@ def test_no_text_of_a_rotary_study_has_linear_words_or_units(joint: Path, capsys
 def test_no_text_of_a_rotary_identification_has_them(joint: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["--model", "Coulomb", "--model", "Stribeck", "--workers", "1", "-o", str(joint / "identified")]
     assert main(["identify", str(joint / "joint.toml"), *arguments]) == 0
-    printed = " ".join(capsys.readouterr().out.split()).replace("force 'M'", "")  # the role of the column
+    printed = " ".join(capsys.readouterr().out.split()).replace("force column 4 'M' [Nm]", "")  # role and heading
     assert linear_words(printed) == []
     assert "of the drive torque" in printed
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from ctypes import byref, c_double, c_int, c_size_t, c_uint
 from functools import partial
+from operator import methodcaller
 from typing import Any, Final
 
 from .fmi2_library import (
@@ -12,7 +13,6 @@ from .fmi2_library import (
     WARNING,
     EventInfo,
     RawExchange,
-    RawInstance,
     RawLibrary,
     RefusedError,
     last_message,
@@ -155,7 +155,8 @@ def directional(library: RawLibrary, report: Report) -> None:
         run.go_to(t, x)
         settings: list[tuple[str, int, float, float, Callable[[float], object]]] = []
         for k, row in enumerate(rows):
-            settings.append((row["state"], row["state_reference"], x[k], scale[k], _state_setter(run, t, x, k)))
+            set_state = partial(lambda k, value: run.go_to(t, [*x[:k], value, *x[k + 1 :]]), k)
+            settings.append((row["state"], row["state_reference"], x[k], scale[k], set_state))
         for v in library.continuous("input"):
             _, value = run.read_status(v)
             settings.append((v.name, v.reference, value, v.nominal, partial(run.write_status, v)))
@@ -171,10 +172,6 @@ def directional(library: RawLibrary, report: Report) -> None:
                 if difference is not None and abs(stated - difference[0]) > difference[1] + _AGREES * abs(stated):
                     what = f"the derivative of {row['derivative']} with respect to {name} is {stated!r}"
                     report("directional", f"{what}, but differences give {difference[0]:.6g}; correct it", name)
-
-
-def _state_setter(run: RawExchange, t: float, x: list[float], k: int) -> Callable[[float], object]:
-    return lambda value: run.go_to(t, [*x[:k], value, *x[k + 1 :]])
 
 
 def _differences(
@@ -265,15 +262,11 @@ _FORBIDDEN: Final = {
 }
 
 
-def _calling(name: str, arguments: tuple[object, ...]) -> Callable[[RawInstance], int]:
-    return lambda run: run.status(name, *arguments)
-
-
 @probe(several=True, only=_ONLY)
 def allowed_in_exchange(library: RawLibrary, report: Report) -> None:
     """Check that calls are accepted in each mode in which the standard allows them."""
     calls = _calls(library)
-    given = {name: (modes, _calling(name, calls[name])) for name, modes in _ALLOWED.items()}
+    given = {name: (modes, methodcaller("status", name, *calls[name])) for name, modes in _ALLOWED.items()}
     report_refused(library, report, _in_mode, _MODES, given)
 
 

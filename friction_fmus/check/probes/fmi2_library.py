@@ -410,24 +410,13 @@ class RawExchange(RawInstance):
     def step_status(self, t: float, h: float) -> int:
         """Advance by Euler steps and events, and return a status."""
         try:
-            self._advance(t, h)
+            self.step(t, h)
         except RefusedError:
             return ERROR
         return 0
 
     def step(self, t: float, h: float) -> None:
         """Advance by Euler steps and events, which must succeed."""
-        self._advance(t, h)
-
-    def complete(self) -> bool:
-        """Report a completed solver step and return whether the FMU asks for an event."""
-        enter, end = c_int(UNSET), c_int(UNSET)
-        self.must("CompletedIntegratorStep", 1, byref(enter), byref(end))
-        if UNSET in (enter.value, end.value):
-            self.unset.add("CompletedIntegratorStep")
-        return enter.value == 1
-
-    def _advance(self, t: float, h: float) -> None:
         self.settle()
         self.must("EnterContinuousTimeMode")
         x, nominals, above = self.states(), self.nominals(), self._above()
@@ -447,6 +436,14 @@ class RawExchange(RawInstance):
                 x, above = self.states(), self._above()
         self.must("EnterEventMode")
         self.settle()
+
+    def complete(self) -> bool:
+        """Report a completed solver step and return whether the FMU asks for an event."""
+        enter, end = c_int(UNSET), c_int(UNSET)
+        self.must("CompletedIntegratorStep", 1, byref(enter), byref(end))
+        if UNSET in (enter.value, end.value):
+            self.unset.add("CompletedIntegratorStep")
+        return enter.value == 1
 
     def _above(self) -> list[bool]:
         return [value > 0.0 for value in self.indicators()]

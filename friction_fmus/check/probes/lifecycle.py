@@ -2,7 +2,7 @@
 
 import ctypes
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from ctypes import byref, c_void_p
 
 from .fmi2_library import OK, WARNING, MissingError, ProbedVariable, RawInstance, RawLibrary, last_message
@@ -94,7 +94,7 @@ def report_refused(
     report: Report,
     in_mode: InMode,
     modes: dict[str, str],
-    calls: dict[str, tuple[str, Callable[[RawInstance], int]]],
+    calls: Mapping[str, tuple[str, Callable[[RawInstance], int]]],
 ) -> None:
     """Report calls that are rejected in one of the modes in which the standard allows them."""
     for name, (allowed_in, call) in calls.items():

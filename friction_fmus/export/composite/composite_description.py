@@ -1,8 +1,7 @@
 """modelDescription.xml, terminals, dependencies and documentation of a composite FMU (FMI 2.0.5, section 2.2)."""
 
-import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -12,7 +11,15 @@ from lxml import etree
 
 from friction_fmus.export.composite.composite_interface import CompositeVariable, PartCode, reinitialised, states
 from friction_fmus.fmi.html_page import page, row, table
-from friction_fmus.fmi.model_description import LOG_CATEGORIES, declare_traits, icon_root, shortest
+from friction_fmus.fmi.model_description import (
+    add_general,
+    add_interface,
+    add_unit,
+    add_unknowns,
+    add_variable,
+    finite,
+    icon_root,
+)
 from harness.errors import BuildError
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Part
@@ -20,7 +27,7 @@ from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
 from harness.system.graph import instantaneous
 from harness.system.wire import Wire, split_name
-from harness.units import BASE_SYMBOLS, BaseUnit, parse_unit
+from harness.units import BaseUnit, parse_unit
 from harness.values import STRUCTURED
 
 
@@ -226,18 +233,14 @@ def composite_description(
             root.set(name, text)
     if texts.exchanges:
         root.set("numberOfEventIndicators", str(sum(int(f.archive.description.numberOfEventIndicators) for f in fmus)))
-        _kind(root, texts, "ModelExchange", exchange_capabilities(fmus))
-    _kind(root, texts, "CoSimulation", capabilities(parts))
+        add_interface(root, "ModelExchange", texts.identifier, exchange_capabilities(fmus), texts.sources)
+    add_interface(root, "CoSimulation", texts.identifier, capabilities(parts), texts.sources)
     _units(root, fmus, variables)
     types = _types(root, variables)
-    categories = etree.SubElement(root, "LogCategories")
-    for name, text in LOG_CATEGORIES.items():
-        etree.SubElement(categories, "Category", name=name, description=text)
     times = {"startTime": experiment.start, "stopTime": experiment.stop, "stepSize": experiment.step}
     if experiment.tolerance:
         times["tolerance"] = experiment.tolerance
-    etree.SubElement(root, "DefaultExperiment", {name: shortest(value) for name, value in times.items()})
-    declare_traits(root)
+    add_general(root, times)
     listed = etree.SubElement(root, "ModelVariables")
     places = {variable.name: i for i, variable in enumerate(variables, start=1)}
     jumps = {fmu.path: reinitialised(fmu) for fmu in {fmu.path: fmu for fmu in fmus if texts.exchanges}.values()}
@@ -246,23 +249,16 @@ def composite_description(
         _variable(listed, variable, reference, types, places, variable.inner in jumping)
     structure = etree.SubElement(root, "ModelStructure")
     outputs = [(i, v) for i, v in enumerate(variables, start=1) if v.causality == "output"]
-    _unknowns(structure, "Outputs", ((i, dependencies[v.name]) for i, v in outputs))
+    add_unknowns(structure, "Outputs", ((i, dependencies[v.name]) for i, v in outputs))
     shown = {v.inner: v for v in variables if v.state}
     derivatives = [shown[name] for fmu in fmus for own in states(fmu) if (name := f"{fmu.name}.{own}") in shown]
     held = {v.state for v in derivatives}
-    _unknowns(structure, "Derivatives", ((places[v.name], dependencies[v.name]) for v in derivatives))
+    add_unknowns(structure, "Derivatives", ((places[v.name], dependencies[v.name]) for v in derivatives))
     unset = [
         v for v in variables if v.initial == "calculated" and (v.causality == "output" or v.state or v.name in held)
     ]
-    _unknowns(structure, "InitialUnknowns", ((places[v.name], initial[v.name]) for v in unset))
+    add_unknowns(structure, "InitialUnknowns", ((places[v.name], initial[v.name]) for v in unset))
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
-
-
-def _kind(root: etree._Element, texts: Texts, kind: str, flags: Mapping[str, str]) -> None:
-    element = etree.SubElement(root, kind, {"modelIdentifier": texts.identifier, **flags})
-    files = etree.SubElement(element, "SourceFiles")
-    for source in texts.sources:
-        etree.SubElement(files, "File", name=source)
 
 
 def exchange_capabilities(fmus: Sequence[FmuPart]) -> dict[str, str]:
@@ -325,19 +321,8 @@ def _units(root: etree._Element, fmus: Iterable[FmuPart], variables: Sequence[Co
             )
     definitions = etree.SubElement(root, "UnitDefinitions")
     for unit in used:
-        element = etree.SubElement(definitions, "Unit", name=unit)
-        base = bases.get(unit)
-        if base is not None:
-            powers = zip(BASE_SYMBOLS, base.exponents, strict=True)
-            attributes = {name: str(power) for name, power in powers if power}
-            attributes |= {"factor": shortest(base.factor)} if base.factor != 1.0 else {}
-            attributes |= {"offset": shortest(base.offset)} if base.offset != 0.0 else {}
-            etree.SubElement(element, "BaseUnit", attributes)
-        for display in stated[unit].displayUnits if unit in stated else ():
-            attributes = {"name": display.name, "factor": shortest(display.factor)}
-            if float(display.offset):
-                attributes["offset"] = shortest(display.offset)
-            etree.SubElement(element, "DisplayUnit", attributes)
+        displays = stated[unit].displayUnits if unit in stated else ()
+        add_unit(definitions, unit, bases.get(unit), [(d.name, float(d.factor), float(d.offset)) for d in displays])
 
 
 def _types(root: etree._Element, variables: Sequence[CompositeVariable]) -> set[str]:
@@ -366,43 +351,24 @@ def _variable(
     jumps: bool,
 ) -> None:
     port = variable.port
-    attributes = {"name": variable.name, "valueReference": str(reference)}
-    if port.description:
-        attributes["description"] = port.description
-    attributes |= {"causality": variable.causality, "variability": variable.variability}
-    if variable.initial:
-        attributes["initial"] = variable.initial
-    scalar = etree.SubElement(parent, "ScalarVariable", attributes)
-    if port.type == "Boolean":
-        start = {} if variable.start is None else {"start": _flag(bool(variable.start))}
-        etree.SubElement(scalar, "Boolean", start)
-        return
-    convert: Callable[[float], str] = shortest if port.type == "Real" else lambda value: str(int(value))
-    typed: dict[str, str] = {}
-    if variable.type_name in types:
-        typed["declaredType"] = str(variable.type_name)
-    elif variable.quantity:
-        typed["quantity"] = variable.quantity
-    if port.unit:
-        typed["unit"] = port.unit
-    limits = (("min", port.limits[0]), ("max", port.limits[1]))
-    typed |= {name: convert(value) for name, value in limits if math.isfinite(value)}
-    if port.type == "Real" and port.nominal != 1.0:
-        typed["nominal"] = convert(port.nominal)
-    if variable.start is not None:
-        typed["start"] = convert(float(variable.start))
-    if variable.state:
-        typed["derivative"] = str(places[variable.state])
-    if jumps:
-        typed["reinit"] = "true"
-    etree.SubElement(scalar, port.type, typed)
-
-
-def _unknowns(structure: etree._Element, name: str, unknowns: Iterable[tuple[int, Sequence[int] | None]]) -> None:
-    listed = list(unknowns)
-    if listed:
-        parent = etree.SubElement(structure, name)
-        for index, knowns in listed:
-            element = etree.SubElement(parent, "Unknown", index=str(index))
-            if knowns is not None:
-                element.set("dependencies", " ".join(str(i) for i in sorted(set(knowns))))
+    attributes = {
+        "name": variable.name,
+        "valueReference": str(reference),
+        "description": port.description,
+        "causality": variable.causality,
+        "variability": variable.variability,
+        "initial": variable.initial,
+    }
+    declared = variable.type_name in types
+    typed = {
+        "declaredType": variable.type_name if declared else None,
+        "quantity": None if declared else variable.quantity or None,
+        "unit": port.unit or None,
+        "min": finite(port.limits[0]),
+        "max": finite(port.limits[1]),
+        "nominal": port.nominal if port.type == "Real" and port.nominal != 1.0 else None,
+        "start": variable.start,
+        "derivative": str(places[variable.state]) if variable.state else None,
+        "reinit": "true" if jumps else None,
+    }
+    add_variable(parent, port.type, {name: text for name, text in attributes.items() if text}, typed)

@@ -107,7 +107,8 @@ class Guesser:
         clock = self._clock()
         if clock is None:
             return Guessed((), tuple(self.problems))
-        t = without_jumps(self.table.columns[clock]) if clock else np.arange(float(self.table_length))
+        rows = len(next(iter(self.table.columns.values()), ()))
+        t = without_jumps(self.table.columns[clock]) if clock else np.arange(float(rows))
         run = longest_run(t)
         names = [name for name, each in self.about.items() if name != clock and each.kind not in ("time", "other")]
         uneven = len(t[run]) < EVEN * len(t[:MOST]) and bool(np.all(np.diff(t[:MOST]) > 0.0))
@@ -139,11 +140,6 @@ class Guesser:
         if len(candidates) > 1 and not self.problems:
             self.problems.append("more than one mapping fits")
         return Guessed(tuple(candidates), tuple(self.problems), tuple(self.notes))
-
-    @property
-    def table_length(self) -> int:
-        """Number of rows."""
-        return len(next(iter(self.table.columns.values()), ()))
 
     # time ------------------------------------------------------------------------------------------------------------
 

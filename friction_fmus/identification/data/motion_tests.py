@@ -60,7 +60,6 @@ class DriveShare:
     share: float  # share of the variance that acceleration, direction and speed explain
     without_direction: float  # share that acceleration and speed explain
     right: bool  # whether inertia and friction have the same sign
-    inverted: bool = False  # whether friction would drive the axis
 
     @property
     def friction(self) -> bool:
@@ -145,7 +144,7 @@ class SampledColumns:
             for i, old in enumerate(best):
                 if (share := 1.0 - float(left[i])) > old.share:
                     right = bool((theta[1, i] > 0.0) == (lost[i] > 0.0) or not heavy[i])
-                    best[i] = DriveShare(share, 1.0 - float(left_smooth[i]), right, bool(lost[i] < 0.0))
+                    best[i] = DriveShare(share, 1.0 - float(left_smooth[i]), right)
         return best
 
 

@@ -74,7 +74,8 @@ def understood(
                 if drive.share >= POOR
                 else f"explains little of the motion ({100.0 * drive.share:.2g} %): check that it is the right column"
             ]
-        yield _subject(role, column), "   ".join([f"{name}{unit}", *why])
+        subject = "current" if role == "force" and _is_current(column.unit) else role
+        yield subject, "   ".join([f"{name}{unit}", *why])
     units = record.units
     for note in notes:
         yield "note", note
@@ -107,10 +108,6 @@ def explained(record: Record) -> DriveShare:
 def _is_current(unit: str) -> bool:
     known, ampere = unit_of(unit) if unit else None, unit_of("A")
     return known is not None and ampere is not None and known.exponents == ampere.exponents
-
-
-def _subject(role: str, column: Column) -> str:
-    return "current" if role == "force" and _is_current(column.unit) else role
 
 
 def _unit_text(column: Column, table: DataTable) -> str:

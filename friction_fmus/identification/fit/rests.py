@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -17,18 +16,6 @@ SPREAD: Final = 8.0  # range of a resting position with noise, in standard devia
 SHARE: Final = 0.15  # longest time within one step before and after a standstill, over its duration
 
 
-@dataclass(frozen=True)
-class _Section:
-    """Samples within one step of the encoder."""
-
-    begin: int
-    end: int
-
-    @property
-    def samples(self) -> int:
-        return self.end - self.begin
-
-
 def unresolved_rest(record: Record) -> NDArray[np.bool_]:
     """Return the samples, shape (n,), at which the axis sticks and no friction model can explain the drive force."""
     # The position stays within one step of the encoder, or the velocity is zero, while the force changes by more than
@@ -37,13 +24,13 @@ def unresolved_rest(record: Record) -> NDArray[np.bool_]:
     force = record.force_at_samples()
     least = CHANGE * float(np.sqrt(np.mean(np.square(force))))
     found = np.zeros(len(force), dtype=bool)
-    for section in _sections(record):
-        if section.samples < STILL:
+    for begin, end in _sections(record):
+        if end - begin < STILL:
             continue
-        part = force[section.begin : section.end]
+        part = force[begin:end]
         width = max(len(part) // 4, STILL)
         noise = float(np.std(np.diff(part))) / float(np.sqrt(2.0 * width))
-        found[section.begin : section.end] = np.ptp(uniform_filter1d(part, width)) > least + 4.0 * noise
+        found[begin:end] = np.ptp(uniform_filter1d(part, width)) > least + 4.0 * noise
     return found
 
 
@@ -54,14 +41,14 @@ def standstill(record: Record) -> NDArray[np.bool_]:
     # before and after takes (sqrt(2) - 1)/2 = 0.21 of the time.
     found = np.zeros(len(record), dtype=bool)
     sections = list(_sections(record))
-    for k, section in enumerate(sections):
-        beside = max((each.samples for each in (*sections[max(k - 1, 0) : k], *sections[k + 1 : k + 2])), default=0)
-        if section.samples >= STILL and beside <= SHARE * section.samples:
-            found[section.begin : section.end] = True
+    lengths = [0, *(end - begin for begin, end in sections), 0]
+    for (begin, end), before, samples, after in zip(sections, lengths, lengths[1:], lengths[2:], strict=False):
+        if samples >= STILL and max(before, after) <= SHARE * samples:
+            found[begin:end] = True
     return found
 
 
-def _sections(record: Record) -> Iterator[_Section]:
+def _sections(record: Record) -> Iterator[tuple[int, int]]:
     """Yield consecutive sections within one step of the encoder, within the noise of the position, or at v = 0."""
     if record.q is None:
         moving, most = np.cumsum(record.column("v") != 0.0).astype(np.float64), 0.0
@@ -73,7 +60,7 @@ def _sections(record: Record) -> Iterator[_Section]:
         value = values[k]
         low, high = (value, high) if value < low else (low, value if value > high else high)
         if high - low > most or k == len(moving):
-            yield _Section(begin, k)
+            yield begin, k
             begin, low, high = k, value, value
 
 

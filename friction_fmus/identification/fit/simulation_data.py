@@ -105,12 +105,6 @@ def signal_of(records: Sequence[Record]) -> tuple[str, str]:
     return "force", records[0].units.force
 
 
-def _used_rows(record: Record, model: ContactModel, settings: InverseModelSettings) -> NDArray[np.bool_] | None:
-    """Return the rows of a fit without rests that the model cannot explain; None for all."""
-    rest = unresolved_rest(record)
-    return settings.rows_outside(rest | standstill(record) if model.static else rest, record.Ts)
-
-
 def prepare(
     record: Record, model: ContactModel, signal: str, settings: InverseModelSettings | None = None
 ) -> PreparedSegment:
@@ -148,7 +142,10 @@ def prepare(
         x = record.column("q") - record.column("q")[0]
     else:
         x = np.append(0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * record.Ts))
-    rows = None if used is None else _used_rows(record, model, used)
+    rows = None
+    if used is not None:  # the model cannot explain rests
+        rest = unresolved_rest(record)
+        rows = used.rows_outside(rest | standstill(record) if model.static else rest, record.Ts)
     segment = PreparedSegment(record, inputs, between, x, a, per, np.zeros(0), record.t, used, kept=rows)
     if signal == "force":
         drive = smoothed(record.force_at_samples(), record, filter_)
@@ -169,7 +166,8 @@ def traits(segments: Sequence[PreparedSegment], scale: float = 1.0) -> DataTrait
         x.append(kept[:, 1])
         force = segment.measured * scale
         if segment.a is not None:
-            force = _without_inertia(segment, kept[:, 0])
+            mass, offset = inertia_guess([segment])
+            force = segment.measured - segment.rows(mass * segment.a + offset)
         y.append(force)
     speed = np.concatenate(v)
     force = np.concatenate(y)
@@ -226,18 +224,6 @@ def _presliding(
         damping = max(float(solution[1]), 0.0)
     top = max(float(np.max(np.abs(velocity))) for velocity in v)
     return stiffness, damping if damping > 0.0 else 0.01 * level / top
-
-
-def _without_inertia(segment: PreparedSegment, v: Array) -> Array:
-    """Return the drive force minus inertia and offset, fitted together with Coulomb and viscous friction."""
-    assert segment.a is not None
-    a = segment.rows(segment.a)
-    sign = segment.rows(np.sign(segment.inputs["v"]))
-    A = np.column_stack([a, np.ones_like(a), v, sign])
-    length = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-    solution = np.linalg.lstsq(A / length, segment.measured, rcond=None)[0] / length
-    rest: Array = segment.measured - A[:, :2] @ solution[:2]
-    return rest
 
 
 def inertia_guess(segments: Sequence[PreparedSegment]) -> tuple[float, float]:

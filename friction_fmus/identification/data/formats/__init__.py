@@ -16,6 +16,7 @@ from friction_fmus.identification.data.column_builder import unwrapped, wrap_fin
 from friction_fmus.identification.data.tables import DataTable, one_clock
 from friction_fmus.identification.data.text_file import head_text
 from harness.errors import MissingPackageError
+from harness.storage.files import reason
 
 SIGNATURES: Final[Mapping[bytes, str]] = {
     b"\x89HDF\r\n\x1a\n": ".h5",
@@ -54,8 +55,7 @@ def read_table(path: Path) -> DataTable:
     except (MissingPackageError, RecordError):
         raise
     except Exception as error:  # a damaged file may raise any exception in the libraries
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise RecordError(f"{path} cannot be read as a {suffix} file ({reason}); export it again.") from error
+        raise RecordError(f"{path} cannot be read as a {suffix} file ({reason(error)}); export it again.") from error
     return _continuous(one_clock(table))
 
 

@@ -251,7 +251,10 @@ class _Body:
             if not plain or plain.startswith(self.layout.comments) or plain in self.layout.above:
                 continue
             if self.cut is not None:
-                self._other_width(self.cut_line, self.cut_cells)
+                raise RecordError(
+                    f"Line {self.cut_line} of {self.path} has {self.cut_cells} cells, but the others have {width}; "
+                    "correct or remove it."
+                )
             row = split_cells(line, self.layout.separator)
             if len(row) > width and not any(row[width:]):
                 row = row[:width]
@@ -279,12 +282,6 @@ class _Body:
         self.cut_line, self.cut_cells = number, cells
         what = f"The last row of {self.path.name}, line {number}, is incomplete; it is ignored."
         self.cut = RecordFinding("incomplete-row", what, "The log may have been cut off there.")
-
-    def _other_width(self, number: int, cells: int) -> None:
-        raise RecordError(
-            f"Line {number} of {self.path} has {cells} cells, but the others have {self.layout.width}; correct or "
-            "remove it."
-        )
 
     def finished(self, encoding: str) -> DataTable:
         """Return the table."""
