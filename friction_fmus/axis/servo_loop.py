@@ -95,12 +95,11 @@ def closed_loop(
     trajectory: Trajectory,
     compensator: Compensator | None = None,
     fmus: Mapping[str, Path] | None = None,
-    longest: float | None = None,
     feedforward: Compensator | None = None,
     pool: PartPool | None = None,
 ) -> System:
     """Return the closed loop of an axis as a system."""
-    every = max(1, ceil(servo.Ts / (longest or _longest(plant)) - 1e-9))  # steps of mass and friction in a sample
+    every = max(1, ceil(servo.Ts / _longest(plant) - 1e-9))  # steps of mass and friction in a sample
     loop = LoopAssembly(trajectory, every, fmus or {}, pool or PartPool(), plant, servo=servo)
     loop.add_sensors()
     loop.add_servo()

@@ -160,12 +160,17 @@ def _errors_of(path: Path) -> Iterator[None]:
         raise FrictionError(f"{path}: {error}") from error
 
 
+def read_c(path: Path, failure: type[Exception]) -> str:
+    """Return the text of a C file; `failure` is the class of the error if it cannot be read."""
+    try:
+        return read_source(path)
+    except (OSError, ValueError) as error:
+        raise failure(f"{path} cannot be read as C ({reason(error)}); give a text in UTF-8") from error
+
+
 def _c_heading(path: Path, kind: str) -> tuple[Entry, str]:
     """Return the line in the list for a C file, and its text."""
-    try:
-        code = read_source(path)
-    except (OSError, ValueError) as error:
-        raise FrictionError(f"{path} cannot be read as C ({reason(error)}); give a text in UTF-8") from error
+    code = read_c(path, FrictionError)
     name = re.search(r"^#define\s+MODEL\s+(\w+)\s*$", code, re.M)
     if not name or not re.search(r"^#define\s+VARIABLES\b", code, re.M):
         raise FrictionError(f"{path} is not a block: it needs `#define MODEL name` and `#define VARIABLES`")

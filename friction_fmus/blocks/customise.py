@@ -56,7 +56,7 @@ def with_long_arrays(code: str, name: str, start: Start) -> str:
 
 
 def with_start_values(code: str, start: Start) -> str:
-    """Return the source with other start values in its VARIABLES table; that of Fn is that of Fn0 unless it is given."""
+    """Return the source with other start values in its VARIABLES table; Fn has that of Fn0 unless it is given."""
     if "Fn0" in start and re.search(r"\(\s*Fn\s*,", code):
         start = {"Fn": start["Fn0"], **start}
     for variable, value in start.items():

@@ -120,13 +120,11 @@ def add_fmu_target(parser: argparse.ArgumentParser) -> None:
     add_target(parser, "fmu")
 
 
-def add_master(parser: argparse.ArgumentParser) -> None:
-    """Add the option for the master algorithm; the harness validates its name."""
+def add_experiment(parser: argparse.ArgumentParser) -> None:
+    """Add step, end time, master and engine; the harness validates the names."""
+    parser.add_argument("--step", type=float, metavar="H", help="communication step [s]")
+    parser.add_argument("--stop", type=float, metavar="T", help="end time [s]")
     parser.add_argument("--master", metavar="NAME", help=f"master algorithm: {listed(master_names())}")
-
-
-def add_engine(parser: argparse.ArgumentParser) -> None:
-    """Add the option for the engine; the harness validates its name."""
     parser.add_argument(
         "--engine",
         default="auto",

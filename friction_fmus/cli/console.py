@@ -48,10 +48,10 @@ console = literal_console()
 LONGEST_WORD: Final = 24  # characters of a word that is not divided to fit the terminal
 
 
-def drawn(listing: Listing, *, title: bool = True, headings: bool = True, padding: tuple[int, ...] = (0, 1)) -> Table:
+def drawn(listing: Listing, *, title: bool = True, padding: tuple[int, ...] = (0, 1)) -> Table:
     """Return a table for the terminal, in which numbers and words do not wrap."""
     caption = listing.caption if title else None
-    table = Table(title=caption, title_justify="left", show_header=headings, box=None, pad_edge=False)
+    table = Table(title=caption, title_justify="left", box=None, pad_edge=False)
     table.padding = padding  # type: ignore[assignment]
     cells_of_rows = list(listing.cells)
     for place, heading in enumerate(listing.headings):

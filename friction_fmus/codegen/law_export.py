@@ -1,7 +1,6 @@
 """Export of a law to a folder with C files, a C++ class, and a README that states their cost."""
 
 import math
-import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
@@ -29,7 +28,7 @@ from friction_fmus.codegen.vectors import N, vectors
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.declarations import check_identifier
 from friction_fmus.lawkit.emit.c_text import DOUBLE, FLOAT
-from friction_fmus.lawkit.emit.syntax import comment
+from friction_fmus.lawkit.emit.syntax import comment, wrapped
 from friction_fmus.version import VERSION
 from harness.storage.files import atomic_path, make_folder
 from harness.storage.toml_file import read_toml
@@ -178,17 +177,17 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
         sources += f" {p}_table.c"
         call = f"{p}_table({', '.join(arguments(export.real))})"
         use_of_table = f"{export.words.force} over position; assign `{call}` to `f_known` before each `{p}_step`"
-        table = _fill(f"* `{p}_table.h`, `{p}_table.c`: {use_of_table}.", "  ") + "\n"
+        table = wrapped(f"* `{p}_table.h`, `{p}_table.c`: {use_of_table}.", "  ") + "\n"
     return f"""# {law.name} in C
 
-{_fill(origin)}
+{wrapped(origin)}
 
-{_fill(files, "  ")}
-{_fill(test, "  ")}
+{wrapped(files, "  ")}
+{wrapped(test, "  ")}
 * `{p}.hpp`: the law as the C++ class `{class_name(p)}`, C++11; link `{p}.c` compiled as C.
 {table}* `main.c`: an example, `cc main.c {sources} -lm`.
 
-{_fill(use)}
+{wrapped(use)}
 {_positions(export)}
 ## Start without a jump
 
@@ -206,13 +205,13 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
 
 def _misra(export: Export) -> str:
     p = export.prefix
-    found = _fill(
+    found = wrapped(
         f"`cppcheck --addon=misra --std=c99 --enable=style {p}.c` reports deviations from these rules, and from no "
         "others; the addon does not check all rules:"
     )
     reasons = {f"Rule {rule}": reason for rule, reason in DEVIATIONS.items()}
     types = {"Directive 4.6 (not checked)": f"numbers are `{export.real.name}`."}
-    listed = "\n".join(_fill(f"* {rule}: {reason}", "  ") for rule, reason in (reasons | types).items())
+    listed = "\n".join(wrapped(f"* {rule}: {reason}", "  ") for rule, reason in (reasons | types).items())
     return f"{found}\n\n{listed}"
 
 
@@ -248,7 +247,7 @@ def _positions(export: Export) -> str:
         loss = f" This law rounds an absolute position to one float before it calls {', '.join(export.rounded)}."
     if not export.pairs:
         what = "The law does not subtract positions" if export.positions else "No input is a position"
-        return f"\n{_fill(f'{what}, so its relative accuracy does not depend on the position of the axis.{loss}')}\n"
+        return f"\n{wrapped(f'{what}, so its relative accuracy does not depend on the position of the axis.{loss}')}\n"
     names = {group: [v.name for v in members if v.name in export.pairs] for group, members in export.groups.items()}
     listed = "; ".join(
         f"{group}: {', '.join(f'`{name}`' for name in found)}" for group, found in names.items() if found
@@ -266,7 +265,7 @@ def _positions(export: Export) -> str:
         f"laws in friction-fmus differ from those in double by less than {ACCURACY:g} of their rms value."
     )
     accuracy += loss
-    return _PAIRS.format(name=first, positions=_fill(text), accuracy=_fill(accuracy))
+    return _PAIRS.format(name=first, positions=wrapped(text), accuracy=wrapped(accuracy))
 
 
 _TRACK = """To take over an axis on which `{force}` acts, in the first sample:
@@ -287,16 +286,12 @@ def _start(export: Export) -> str:
     if not export.tracks:
         enabled = any(variable.name == "enable" for variable in export.groups["inputs"])
         more = f" `{p}.h` says what happens when it is enabled." if enabled else ""
-        return _fill(f"The law has no memory that could carry a {force}.{more}")
+        return wrapped(f"The law has no memory that could carry a {force}.{more}")
     detail = (
         f"`outputs.u` is then `{force}`, as far as its limits and the memory of the law allow, and continues from it. "
         "`enable` must be true in this sample."
     )
-    return _TRACK.format(p=p, force=force, detail=_fill(detail))
-
-
-def _fill(text: str, indent: str = "") -> str:
-    return textwrap.fill(text, 120, subsequent_indent=indent, break_on_hyphens=False, break_long_words=False)
+    return _TRACK.format(p=p, force=force, detail=wrapped(detail))
 
 
 def _not_measured(name: str) -> str:
@@ -307,7 +302,7 @@ def _not_measured(name: str) -> str:
         if known
         else ""
     )
-    return _fill(
+    return wrapped(
         f"{stored}The cost of this code was not measured, because {COMPILER} is not installed. On Debian, run `apt-get "
         f"install {' '.join(PACKAGES.values())}`, then `friction-fmus codegen` again."
     )
@@ -353,10 +348,10 @@ def _table(costs: Sequence[Cost]) -> str:
         [
             *lines,
             "",
-            _fill(f"Measured with `{COMPILER} {' '.join(FLAGS)}`, newlib, and"),
+            wrapped(f"Measured with `{COMPILER} {' '.join(FLAGS)}`, newlib, and"),
             "",
             cores,
-            _fill(explained + counted),
+            wrapped(explained + counted),
         ]
     )
 

@@ -1,7 +1,6 @@
 """Laws made of laws: a servo with feedforward and compensator, to the last bit as a system of separate FMUs."""
 
 import re
-import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from math import pi
@@ -32,6 +31,7 @@ from friction_fmus.lawkit.declarations import (
     SampleTime,
     State,
 )
+from friction_fmus.lawkit.emit.syntax import wrapped
 from friction_fmus.lawkit.law import Law, check_variables
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import clip, filled
@@ -546,7 +546,7 @@ class _Loop:
         others = [f"    {each} = {text}" for each, (text, _) in given.items() if text != each]
         equations = re.findall(r"(?:^    .*\n?)+", law.documentation, re.M)
         self._sections[f"{name}_"] = "\n\n".join(
-            filter(None, [_filled(title), "\n".join(others), *(lines.rstrip() for lines in equations)])
+            filter(None, [wrapped(title, width=116), "\n".join(others), *(lines.rstrip() for lines in equations)])
         )
         return self._parts.apply(name, law, {each: value for each, (_, value) in given.items()}, shared)
 
@@ -604,7 +604,7 @@ class _Loop:
             "is limited, and estimators receive the limited sum of the previous sample, which the drive must apply. "
             "Start with the axis at rest."
         )
-        pages = ["\n\n".join(filter(None, [_filled(text), equations, _filled(limits)]))]
+        pages = ["\n\n".join(filter(None, [wrapped(text, width=116), equations, wrapped(limits, width=116)]))]
         prefixes = {}
         for prefix, section in self._sections.items():
             prefixes["\n\n".join([*pages, ""]).count("\n")] = prefix
@@ -646,7 +646,3 @@ def _inputs(law: Law) -> list[str]:
 def _output(law: Law, name: str) -> LawVariable:
     """Return an output of a law."""
     return next(variable for variable in law.select(Kind.OUTPUT) if variable.name == name)
-
-
-def _filled(text: str) -> str:
-    return textwrap.fill(text, 116, break_on_hyphens=False, break_long_words=False)

@@ -1,7 +1,6 @@
 """The unit test of an exported law, which its user runs on the target."""
 
 import math
-import textwrap
 from collections.abc import Sequence
 from itertools import accumulate
 
@@ -11,7 +10,7 @@ from friction_fmus.codegen.layout import INPUTS, Export
 from friction_fmus.codegen.sources import number
 from friction_fmus.codegen.vectors import EXACT, LOST, N, Vectors, parts
 from friction_fmus.lawkit.emit.c_text import DOUBLE
-from friction_fmus.lawkit.emit.syntax import comment
+from friction_fmus.lawkit.emit.syntax import comment, wrapped
 from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, LawVariable
 from friction_fmus.version import VERSION
 
@@ -93,7 +92,7 @@ def _heading(export: Export, samples: Vectors) -> str:
         *([f"{N + 1}: an input is NaN; the outputs are held and fault is set."] if _first_real(export) else []),
         *_about_others(samples),
     ]
-    return "\n\n".join(_fill(text) for text in paragraphs)
+    return "\n\n".join("\n".join(wrapped(line, width=114) for line in text.split("\n")) for text in paragraphs)
 
 
 def _about_others(samples: Vectors) -> list[str]:
@@ -154,12 +153,6 @@ def untested(samples: Vectors) -> str:
         numbers = ", ".join(map(str, doubtful))
         texts.append(f"Rounding decides, so that both results are accepted: samples {numbers}.")
     return " ".join(texts)
-
-
-def _fill(text: str) -> str:
-    return "\n".join(
-        textwrap.fill(line, 114, break_on_hyphens=False, break_long_words=False) for line in text.split("\n")
-    )
 
 
 def _literal(export: Export, value: float) -> str:

@@ -19,6 +19,7 @@ from friction_fmus.blocks.catalogue import (
     icon_files,
     licence_text,
     listing,
+    read_c,
     source_folder,
     with_room,
 )
@@ -38,7 +39,7 @@ from friction_fmus.export.targets import Compiling, SourceFmu, choose_target, wr
 from friction_fmus.version import VERSION, build_time
 from harness.compiling import toolchain
 from harness.compiling.platforms import NATIVE, compiled, native_library, select
-from harness.storage.files import ScratchFolder, cached, hash_of, read_source, reason
+from harness.storage.files import ScratchFolder, cached, hash_of
 from harness.storage.zip_file import find_outside, zipped
 from harness.units import in_unit
 
@@ -279,16 +280,9 @@ def _sources(block: Block, files: Mapping[str, str]) -> dict[str, str]:
             found = None if given else next((p / header for p in places if (p / header).is_file()), None)
             if found is None and not given:
                 raise BuildError(f"{includer} includes {header!r}, which is neither in the same folder nor in fmu_src")
-            sources[header] = files[header] if found is None else _header(found)
+            sources[header] = files[header] if found is None else read_c(found, BuildError)
             pending.append((Path(header), sources[header]))
     return sources
-
-
-def _header(path: Path) -> str:
-    try:
-        return read_source(path)
-    except (OSError, ValueError) as error:
-        raise BuildError(f"{path} cannot be read as C ({reason(error)}); give a text in UTF-8") from error
 
 
 def _key(sources: Mapping[str, str], block: Block) -> str:

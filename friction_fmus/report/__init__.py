@@ -12,7 +12,7 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from friction_fmus.listings import percent
-from friction_fmus.report import formatting
+from friction_fmus.report.formatting import brief, label, number, quantity, unit, with_error
 from friction_fmus.report.live_panel import live_panel
 from friction_fmus.report.sections import SECTIONS, Section
 from friction_fmus.study.study_result import StudyResult
@@ -97,15 +97,9 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {
-        "brief": formatting.brief,
-        "number": formatting.number,
-        "percent": percent,
-        "quantity": formatting.quantity,
-        "unit": formatting.unit,
-        "label": formatting.label,
-    }
-    environment.globals |= {"with_error": formatting.with_error}
+    filters = (brief, label, number, percent, quantity, unit)
+    environment.filters |= {each.__name__: each for each in filters}
+    environment.globals |= {"with_error": with_error}
     return environment
 
 

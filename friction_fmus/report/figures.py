@@ -110,12 +110,10 @@ def lines(
     return finished(figure, height)
 
 
-def sweep(
-    curves: Mapping[str, StudyCurve], titles: tuple[str, str], factor: float = 1.0, seen: Iterable[str] = ()
-) -> go.Figure:
-    """Draw the tracking error over the tuned parameter with a marker for each run; `seen` as in `lines`."""
+def sweep(curves: Mapping[str, StudyCurve], titles: tuple[str, str], factor: float = 1.0) -> go.Figure:
+    """Draw the tracking error over the tuned parameter with a marker for each run."""
     figure = go.Figure()
-    for curve, style, marker in _styled(curves, seen):
+    for curve, style, marker in _styled(curves, ()):
         x, y = list(curve.x), [factor * y for y in curve.y]
         figure.add_scatter(x=x, y=y, mode="lines+markers", marker={**marker, "size": 8}, **style)
     figure.update_xaxes(title=escaped(titles[0]))

@@ -1,6 +1,5 @@
 """Export of the recommended compensator: FMU, C code, the whole axis as SSP, and parameters as SSV."""
 
-import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,6 +28,7 @@ from friction_fmus.export.identified_axis import AxisLoop, IdentifiedAxis, in_fo
 from friction_fmus.export.targets import generic, write_file
 from friction_fmus.identification import Record
 from friction_fmus.identification.result_files import identified_axis
+from friction_fmus.lawkit.emit.syntax import wrapped
 from friction_fmus.lawkit.law import Kind
 from friction_fmus.study.comparison import Comparison
 from friction_fmus.study.compensators import TABLE
@@ -87,7 +87,7 @@ def wiring(system: System, servo: Servo, figures: Figures | None, no_code: str, 
     wires = [wire for wire in map(parse_wire, system.wires) if split_name(wire.target)[0] not in PLANT]
     lines = ["# Recommended compensator"]
     for text in _paragraphs(system, servo, wires, figures, no_code, u):
-        lines += ["", textwrap.fill(text, 120, break_on_hyphens=False, break_long_words=False)]
+        lines += ["", wrapped(text)]
     lines += ["", "| input | value | delay [samples] |", "|---|---|--:|"]
     lines += [f"| `{wire.target}` | {_value(wire)} | {wire.delay // every} |" for wire in wires]
     for target, value in sorted(_constants(system)):

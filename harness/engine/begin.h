@@ -21,7 +21,7 @@ EXPORT void newton_begin(const Engine *e, Newton *newton)
         m->scale = m->size = m->at_begin = m->outside = fabs(value);
         m->lasting = 0.0;
         m->noise = m->accumulated_error = m->path = m->distance_error = m->x0 = m->strayed = 0.0;
-        m->role = m->rests = m->force = m->rigid = m->partial = 0;
+        m->role = m->rests = m->force = m->rigid = m->partial = m->leaves = 0;
         m->gain = e->gains ? e->gains[input] : 1.0;
         m->offset = e->gains ? e->offsets[input] : 0.0;
     }

@@ -222,12 +222,11 @@ static void locate_stop(const Engine *e, const Newton *newton, const Group *g, c
         trial->share = at;
 }
 
-/* Return whether the force that keeps a contact at rest differs from a load that was its force. */
+/* Return whether the force that keeps a contact at rest differs from a load. */
 static bool differs(const Newton *newton, const Contact *c, double load)
 {
     const double force = newton->w[c->unknown];
-    return velocity_of(newton, c)->force == HOLDING &&
-           fabs(force - load) > PARTIAL * fmax(fabs(force), newton->scale[c->unknown]);
+    return fabs(force - load) > PARTIAL * fmax(fabs(force), newton->scale[c->unknown]);
 }
 
 /* Find out whether a contact at rest holds and, if it stops within the span, when. */
@@ -249,7 +248,8 @@ static int test(Engine *e, Newton *newton, const Group *g, const Contact *c, con
     const bool equal = isfinite(load) && fabs(rest - load) <= EQUAL * fmax(fabs(rest), fabs(load));
     const bool by_load = equal && !leads(m) && (m->u0 != 0.0 || held_at_start(e, newton, c, s));
     m->role = by_load ? AT_REST : IN_JUMP;
-    if (m->rigid > 0 && by_load && !stopping && !differs(newton, c, load)) {
+    const bool stays = by_load ? m->force == HOLDING : m->rests == IN_JUMP && !stopping && !leads(m);
+    if (m->rigid > 0 && by_load && !stopping && !(stays && differs(newton, c, load))) {
         trial->holds = true;
         return SOLVED;
     }
@@ -270,7 +270,7 @@ static int test(Engine *e, Newton *newton, const Group *g, const Contact *c, con
     const bool enough =
         m->u0 > 0.0 ? force <= fmax(trial->up, trial->mean) + slack : force >= fmin(trial->down, trial->mean) - slack;
     trial->holds = m->rigid > 0 && (!stopping || enough) && (by_load || (force >= least && force <= most));
-    if (trial->holds && by_load && differs(newton, c, load) && fabs(force - load) > UNLIKE * (high - low))
+    if (trial->holds && stays && differs(newton, c, load) && fabs(force - load) > UNLIKE * (high - low))
         m->partial = 1;
     /* in a divided step, a contact that goes on in the other direction is located, too */
     const bool passes = m->rigid > 0 && (s->to - s->from < 1.0 || leads(m));
@@ -379,7 +379,8 @@ static bool hold_some(const Engine *e, Newton *newton, const Group *g, const Spa
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         const Moving *const m = velocity_of(newton, c);
         const bool slows = m->u0 * m->u1 <= (1.0 - STOPS) * m->u0 * m->u0;
-        if (m->rigid >= 0 && (slows || any) && (only < 0 || is_beside(e, c, contacts_of(newton, g) + only))) {
+        const bool may = m->rigid >= 0 && !m->leaves && (slows || any);
+        if (may && (only < 0 || is_beside(e, c, contacts_of(newton, g) + only))) {
             hold(e, newton, g, c, s);
             held = true;
         } else if (only >= 0)
@@ -392,12 +393,14 @@ static bool hold_some(const Engine *e, Newton *newton, const Group *g, const Spa
 static bool hold_resting(const Engine *e, Newton *newton, const Group *g, const Span *s)
 {
     bool held = false;
-    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
-        if (velocity_of(newton, c)->rigid >= 0 && velocity_of(newton, c)->u0 == 0.0) {
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
+        const Moving *const m = velocity_of(newton, c);
+        if (m->rigid >= 0 && m->u0 == 0.0 && !m->leaves) {
             hold(e, newton, g, c, s);
             held = true;
         } else
             assume(newton, g, c, FREE, FREE);
+    }
     return held;
 }
 

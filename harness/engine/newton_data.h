@@ -32,6 +32,7 @@ typedef struct {
     double low, high;
     int64_t leader, still; /* `still`: it stops at the start of the span */
     int64_t partial;       /* the loads that the contact reads are not all forces on the mass */
+    int64_t leaves;        /* it is at rest, but the forces at the start of the span move it */
     double base, slope;
 } Moving;
 

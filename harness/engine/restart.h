@@ -89,21 +89,26 @@ static int hold_again(Engine *e, Newton *newton, int64_t number, double t, doubl
     return status;
 }
 
-/* Before a span, find the forces of contacts beside one another at rest, which their outputs do not tell; but not of
-   those that are about to move. */
+/* Before a span, find the forces of contacts beside one another at rest, which their outputs do not tell, or that they
+   are about to move. */
 static int share_again(Engine *e, Newton *newton, int64_t number, double t, double at)
 {
     const Group *const g = &newton->groups[number];
     const Contact *const first = contacts_of(newton, g), *const last = first + g->contacts;
     const int64_t jumped = newton->jumped;
     bool shared = false, holds = true;
-    for (const Contact *c = first; c < last; c++)
+    for (const Contact *c = first; c < last; c++) {
         shared = shared || (velocity_of(newton, c)->rests && is_shared(e, newton, g, c));
+        velocity_of(newton, c)->leaves = 0;
+    }
     if (!shared)
         return SOLVED;
     int status = hold_again(e, newton, number, t, at);
-    for (const Contact *c = first; c < last; c++)
-        holds = holds && (!velocity_of(newton, c)->rests || is_rest(velocity_of(newton, c)));
+    for (const Contact *c = first; c < last; c++) {
+        Moving *const m = velocity_of(newton, c);
+        m->leaves = m->rests && !is_rest(m);
+        holds = holds && !m->leaves;
+    }
     if (status == SOLVED)
         status = refresh(e, newton, g, t, at);
     if (holds && status == SOLVED) {

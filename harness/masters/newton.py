@@ -246,7 +246,7 @@ class Loops(Algorithm):
         return {**self._memory, **places}  # without the indices of unknowns and lines
 
     def report(self) -> dict[str, str | float]:
-        """Log a warning for each loop that no inner step resolved."""
+        """Log a warning for each loop that no inner step resolved, and for loads that are not the whole load."""
         data, (_, moving, guards, _) = self.data, self._arrays
         checks = sum(int(guard.checks) for guard in guards)
         counts = {"evaluations": data.evaluations, "substeps": data.substeps, "rejected": data.rejected}
@@ -272,6 +272,13 @@ class Loops(Algorithm):
                 worst,
                 WRONG,
             )
+        for _, line, _, first, count, *_ in self.contacts:
+            if moving[line].partial and count:
+                _LOG.warning(
+                    "%s is not the sum of the other forces on the mass, as its friction needs it at rest: the result may "
+                    "be wrong; connect it to that sum, such as F_ext of Mass",
+                    " or ".join(self.plan.names[load] for load in self.loads[first : first + count]),
+                )
         return {**counts, "checks": checks, "unresolved_error": worst}
 
     def shown(self, number: int) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from harness.errors import nearest
-from harness.storage.files import read_regular, reason
+from harness.storage.files import read_source, reason
 from harness.values import is_line, shown
 
 _Value = TypeVar("_Value")
@@ -23,7 +23,7 @@ _LONG_KEY = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file."""
-    content = read_regular(path).decode("utf-8").replace("\r\n", "\n")  # like tomllib.load
+    content = read_source(path)  # with line ends as tomllib.load has them
     long = _LONG_KEY.search(content)
     if long is not None:
         line = content.count("\n", 0, long.start()) + 1

@@ -22,7 +22,7 @@ from shell.selection import CONTINUOUS_BLOCKS, SAMPLED_BLOCKS, of_each_branch, o
 from friction_fmus import catalogue
 from harness.compiling import toolchain
 
-PACKAGER = {"block_rows", "block_evaluate", "blockDirect"}  # blockDirect: for the harness, see direct.h
+PACKAGER = {"block_rows", "block_evaluate", "block_violated", "blockDirect"}  # blockDirect: see direct.h
 BASE = ("kg", "m", "s", "rad", "A")
 SI = {  # unit -> exponents of BASE
     "kg": (1, 0, 0, 0, 0),

@@ -17,7 +17,7 @@ from .fmi2_library import (
     RefusedError,
     last_message,
 )
-from .lifecycle import report_accepted, report_refused
+from .lifecycle import brought, report_accepted, report_refused
 from .probe_process import Report, probe
 
 _ONLY: Final = "model exchange"
@@ -204,19 +204,12 @@ _MODES = {
 
 
 def _in_mode(library: RawLibrary, mode: str) -> RawExchange:
-    run = RawExchange(library)
-    if mode == "I":
-        return run
-    run.begin()
-    if mode == "N":
-        return run
-    run.must("ExitInitializationMode")
-    run.settle()
-    if mode in "MT":
-        run.must("EnterContinuousTimeMode")
-    if mode == "T":
-        run.must("Terminate")
-    return run
+    def initialised(run: RawExchange) -> None:
+        run.settle()
+        if mode in "MT":
+            run.must("EnterContinuousTimeMode")
+
+    return brought(RawExchange(library), mode, initialised)
 
 
 def _calls(library: RawLibrary) -> dict[str, tuple[object, ...]]:

@@ -4,6 +4,7 @@ import ctypes
 import math
 from collections.abc import Callable, Mapping
 from ctypes import byref, c_void_p
+from typing import TypeVar
 
 from .fmi2_library import OK, WARNING, MissingError, ProbedVariable, RawInstance, RawLibrary, last_message
 from .probe_process import Report, probe
@@ -86,6 +87,7 @@ _MODES = {
     "T": "the state terminated",
 }
 
+Run = TypeVar("Run", bound=RawInstance)
 InMode = Callable[[RawLibrary, str], RawInstance]  # returns an instance in a mode, given by its letter
 
 
@@ -133,14 +135,16 @@ def report_accepted(
 
 
 def _in_mode(library: RawLibrary, mode: str) -> RawInstance:
-    run = RawInstance(library)
-    if mode == "I":
-        return run
-    run.begin()
-    if mode == "N":
-        return run
-    run.must("ExitInitializationMode")
-    run.step(library.start_time, library.job["step"])
+    return brought(RawInstance(library), mode, lambda run: run.step(library.start_time, library.job["step"]))
+
+
+def brought(run: Run, mode: str, initialised: Callable[[Run], object]) -> Run:
+    """Bring a new instance into a mode, through a step or an event behind the initialization mode."""
+    if mode != "I":
+        run.begin()
+    if mode not in "IN":
+        run.must("ExitInitializationMode")
+        initialised(run)
     if mode == "T":
         run.must("Terminate")
     return run

@@ -14,9 +14,8 @@ from pathlib import Path
 import harness
 from friction_fmus.cli.arguments import (
     add_allow_inaccurate,
-    add_engine,
+    add_experiment,
     add_json,
-    add_master,
     add_set,
     add_system,
     listed,
@@ -37,10 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_system(parser)
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help=f"result file: {listed(tuple(FORMATS))}")
     add_json(parser)
-    parser.add_argument("--step", type=float, metavar="H", help="communication step [s]")
-    parser.add_argument("--stop", type=float, metavar="T", help="end time [s]")
-    add_master(parser)
-    add_engine(parser)
+    add_experiment(parser)
     add_set(parser, "PART.NAME")
     parser.add_argument("--parameters", type=Path, metavar="FILE", help="parameter set (.ssv)")
     parser.add_argument("--record", action="append", metavar="PATTERN", help="variables to record; may be repeated")

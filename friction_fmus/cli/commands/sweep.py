@@ -15,9 +15,8 @@ from typing import Any
 import harness
 from friction_fmus.cli.arguments import (
     add_allow_inaccurate,
-    add_engine,
+    add_experiment,
     add_json,
-    add_master,
     add_scheduler,
     add_system,
     print_json,
@@ -61,10 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="final, min, max, max_abs, mean or rms of variables: rms(part.port), final(*); may be repeated",
     )
     parser.add_argument("--keep", action="append", default=[], metavar="NAME", help="trajectory to store")
-    parser.add_argument("--step", type=float, metavar="H", help="communication step [s]")
-    parser.add_argument("--stop", type=float, metavar="T", help="end time [s]")
-    add_master(parser)
-    add_engine(parser)
+    add_experiment(parser)
     parser.add_argument(
         "--workers", type=int, metavar="N", help="number of processes or threads; default: number of processors"
     )

@@ -111,10 +111,15 @@ def _coarse_clock(t: Array) -> Array | None:
     digits = _digits(t)
     if np.any(np.diff(t) < 0.0) or not 0.0 < digits <= 0.02 * (t[-1] - t[0]):
         return None
+    line, slope = _clock(t)
+    return line if slope > 0.0 and np.max(np.abs(t - line)) <= 0.6 * digits else None
+
+
+def _clock(t: Array) -> tuple[Array, float]:
+    """Return the equally spaced times nearest to those given, and their interval."""
     k = np.arange(len(t))
     slope, begin = np.polyfit(k, t - t[0], 1)
-    line = t[0] + begin + slope * k
-    return line if slope > 0.0 and np.max(np.abs(t - line)) <= 0.6 * digits else None
+    return t[0] + begin + slope * k, slope
 
 
 def _regular(t: Array) -> bool:
@@ -250,9 +255,7 @@ def _grid(t: Array, columns: Mapping[str, Array]) -> tuple[Array, str]:
     mean = (t[-1] - t[0]) / count
     if np.all(np.abs(np.diff(t) / mean - 1.0) <= JITTER):
         return t, "kept"
-    k = np.arange(len(t))
-    slope, begin = np.polyfit(k, t - t[0], 1)
-    line = t[0] + begin + slope * k
+    line, slope = _clock(t)
     digits = _digits(t)
     off = t - line
     if np.max(np.abs(off)) <= 0.6 * digits and digits <= 0.4 * slope:

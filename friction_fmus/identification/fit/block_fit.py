@@ -72,7 +72,7 @@ def fit_scalars(data: FitData, loss: Loss, starts: int | None) -> BlockFit:
 def scalar_setup(data: FitData) -> Setup:
     """Return the setup of a search for a block with scalar parameters."""
     model, segments, traits, constraints = data.model, data.segments, data.traits, data.constraints
-    units, Fn0 = data.units, data.Fn0
+    Fn0 = data.Fn0
     names = model.identified(constraints.named, constraints.fixed)
     coordinates = [coordinate(model, name, traits, constraints) for name in names]
     coordinates += surroundings(segments, traits, constraints, model.viscous, data.terms)
@@ -92,12 +92,16 @@ def scalar_setup(data: FitData) -> Setup:
             return {}
         return {state: values[state] * float(evaluate(model.identified_by.size, {**defaults, **parameters}))}
 
-    unit = {name: p.unit for name, p in model.parameters.items()}
-    unit |= {"M": units.inertia, "OF": units.force} | ({"Fv": units.viscous} if model.viscous else {})
-    unit |= term_units(units)
+    unit = units_of(model, data.units)
     if state is not None:
         unit[state] = model.states[state]
     return Setup(tuple(coordinates), dict, states, constants, unit)
+
+
+def units_of(model: ContactModel, units: AxisUnits) -> dict[str, str]:
+    """Return the units of the parameters of a block and of what acts beside it."""
+    beside = {"M": units.inertia, "OF": units.force} | ({"Fv": units.viscous} if model.viscous else {})
+    return {name: p.unit for name, p in model.parameters.items()} | beside | term_units(units)
 
 
 def _initial_guess(segment: PreparedSegment, traits: DataTraits, Fn0: float | None) -> float:

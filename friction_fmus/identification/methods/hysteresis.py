@@ -12,8 +12,8 @@ from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.errors import ExcitationError, FitError
 from friction_fmus.export.block_fmu import fmu
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.fit.axis_terms import VALUES, term_units
-from friction_fmus.identification.fit.block_fit import BlockFit, FitData, driven
+from friction_fmus.identification.fit.axis_terms import VALUES
+from friction_fmus.identification.fit.block_fit import BlockFit, FitData, driven, units_of
 from friction_fmus.identification.fit.contact_model import ContactModel
 from friction_fmus.identification.fit.least_squares import (
     Constraints,
@@ -263,9 +263,7 @@ def hysteresis_setup(data: FitData, found: Mapping[str, float] | None = None) ->
             force = {i: top * parameters[f"alpha[{i}]"] for i in force}
         return {f"Fi[{i}]": values[f"Fi[{i}]"] * level for i, level in force.items()}
 
-    unit = {name: p.unit for name, p in model.parameters.items()}
-    unit |= {"M": units.inertia, "OF": units.force} | ({"Fv": units.viscous} if model.viscous else {})
-    unit |= term_units(units)
+    unit = units_of(model, units)
     unit |= {f"Fi[{i}]": units.force for i in range(1, N + 1)}
     return Setup(tuple(coordinates), assemble, states, {**constants_of(model, constraints, Fn0), "N": N}, unit)
 

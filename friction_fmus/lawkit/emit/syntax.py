@@ -36,6 +36,11 @@ def in_brackets(text: Text, least: int) -> str:
     return text.text if text.rank >= least else f"({text.text})"
 
 
+def wrapped(text: str, indent: str = "", width: int = 120) -> str:
+    """Return a text in lines, of which all but the first are indented; words are not divided."""
+    return textwrap.fill(text, width, subsequent_indent=indent, break_on_hyphens=False, break_long_words=False)
+
+
 _LINE = 100  # longest line of a statement
 _BREAKS = re.compile(r" (\+|-|\*|/|&&|\|\||\?|:) ")
 _ORDER = ("?", ":", "||", "&&", "+", "-", "*", "/")  # of operators at which a line is divided

@@ -21,7 +21,7 @@ from harness.compiling.platforms import PLATFORMS, select, universal
 
 CO_SIMULATION, BOTH = 34, 44
 """Numbers of functions of FMI 2.0: for co-simulation, and also for model exchange."""
-OURS = {"block_rows", "block_evaluate", "blockDirect"}
+OURS = {"block_rows", "block_evaluate", "block_violated", "blockDirect"}
 """What the packager and the harness read from a library."""
 SYSTEM_DLLS = ("kernel32.dll", "api-ms-win-crt-")
 NOT_NUMERIC = {
