@@ -110,7 +110,6 @@ static inline struct view view_chain(const struct chain *c, const struct surroun
     double a[MASSES], moved[2 * MASSES];
     const double *y = c->y;
 
-    at.chain = c;
     at.X -= c->turns;
     if (s != 0.0) { /* X and F are given at `time` */
         pull(&at, 0.0, c->y, a);

@@ -74,6 +74,30 @@ def test_a_mass_that_is_pushed_through_its_band_has_an_event_at_the_end(
         run.must("EnterEventMode")
         run.event()
         assert run.get1("v") == s * 1.001e-3
+        run.must("EnterContinuousTimeMode")
+        signs = []
+        for w in (2e-3, 1.001e-3, 0.9e-3):
+            run.must("SetContinuousStates", (c_double * 2)(0.0, s * w), 2)
+            signs.append(run.vector("GetEventIndicators", 2)[0] > 0.0)
+        assert signs[0] == signs[1] != signs[2]
+
+
+@pytest.mark.parametrize("q", [1.0, 0.25])
+@pytest.mark.parametrize("s", [1.0, -1.0])
+def test_a_quantiser_has_an_event_half_a_step_from_its_level(
+    q: float, s: float, build_fmu: Callable[..., Path]
+) -> None:
+    with Instance(load(build_fmu("Quantiser")), kind=MODEL_EXCHANGE) as run:
+        run.exchange(q=q)
+        found = []
+        for x in (0.0, 0.499, 0.501):
+            run.set({"x": s * q * x})
+            found.append([indicator > 0.0 for indicator in run.vector("GetEventIndicators", 2)])
+        assert found[0] == found[1] != found[2]
+        assert run.get1("y") == 0.0  # until the event
+        run.must("EnterEventMode")
+        run.event()
+        assert run.get1("y") == s * q
 
 
 def test_elements_that_are_not_in_use_never_slip(build_fmu: Callable[..., Path]) -> None:

@@ -154,6 +154,23 @@ def test_states_are_resized() -> None:
         one.refuses(lambda: one.getContinuousStates((c_double * whole)(), whole), "3 continuous states")
 
 
+def test_states_beside_a_resized_array() -> None:
+    """A scalar and the first three of ten elements, in the order of the description."""
+    with Model(three("ModifiedLeuven")) as one:
+        resize(one, 3)
+        assert one.getNumberOfContinuousStates() == 4
+        one.enterInitializationMode()
+        one.exitInitializationMode()
+        one.updateDiscreteStates()
+        one.enterContinuousTimeMode()
+        x = (c_double * 4)(1e-7, 2e-2, -1e-2, 3e-2)
+        one.setContinuousStates(x, 4)
+        found = (c_double * 4)()
+        one.getContinuousStates(found, 4)
+        assert list(found) == list(x)
+        assert [*one.get("z"), *one.get("Fi", 3)] == list(x)
+
+
 def test_an_array_is_got_and_set_as_a_whole() -> None:
     with Slave(three("GMS")) as one:
         one.enterInitializationMode()

@@ -66,6 +66,19 @@ def test_local_function_is_least_squares(samples, window, degree):
     assert not found[:, 2].any()
 
 
+def test_a_disabled_local_function_compensates_nothing_after_a_fault(samples):
+    """Also in the sample with an input that is no number, which begins from scratch."""
+    n = 20
+    u = np.full(n, 5.0)
+    u[15] = np.nan
+    on = np.ones(n)
+    on[15:] = 0.0
+    inputs = {"v": np.linspace(0.0, 0.1, n), "u_prev": u, "enable": on}
+    found = samples("LocalFunctionEstimator", inputs, ("F_hat", "u"), gain=0.5, window=2, m=1.0)
+    assert found[14, 1] != 0.0
+    assert found[15, 1] == 0.0
+
+
 def test_the_window_of_the_local_function_has_the_delay_of_a_first_order_filter() -> None:
     """The mean over the window is late by half of it; a filter with this corner frequency by 1 / (2 pi corner)."""
     text = compensators()["LocalFunctionEstimator"].tuned["window"]

@@ -321,6 +321,7 @@ def test_a_faulty_instantiation_gives_null_and_says_why(library: Library, fault:
     ((_, status, category, message),) = refused.messages
     assert (status, category) == (ERROR, "logStatusError")
     assert words[library.fmi - 2] in message
+    assert message.startswith(b"fmi2Instantiate")  # names of FMI 3.0 are translated
 
 
 @pytest.mark.parametrize("fault", REFUSED)

@@ -212,6 +212,13 @@ EQUIVALENT = {
     "events++ <= MOST_EVENTS) {": ("a limit of events, of which a step has fewer"),
     "fmu_src/fmi2_exchange.h: if (-to_next_sample(m) / m->Ts > MOST_TRIES)  ->  if (-to_next_sample(m) * m->Ts"
     " > MOST_TRIES)": ("the event is refused either way, and the state restored"),
+    "fmu_src/friction/BurridgeKnopoff.c: const double s = f->ready ? m->time - f->time : 0.0;  ->  const "
+    "double s = f->ready ? m->time - f->time : 1.0;": ("before the first step, nothing moves"),
+    "fmu_src/friction/ResetIntegrator.c: else if (dx < 0.0 && z > -z0)  ->  else if (dx <= 0.0 && z > -z0)": (
+        "without a way, z stays as it is"
+    ),
+    "fmu_src/friction/modified_leuven.h: if (k[i] > 0.0 && room > grain * W[i]) {  ->  if (k[i] >= 0.0 && room"
+    " > grain * W[i]) {": ("an element without stiffness adds nothing, and its room is over at no place"),
 }
 """Mutants that no test can find, as they are printed but without the number of the line, and why."""
 FOLDERS = {  # tests of what no single block is compiled with, by the beginning of the path

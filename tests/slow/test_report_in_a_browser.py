@@ -320,7 +320,6 @@ def test_the_panel_of_a_rotary_axis_has_its_words_and_units(browser: Browser, tm
         for row in first:
             rms, rms_now, largest, largest_now = (float(value.removesuffix("\u00a0mrad")) for value in row)
             assert (rms_now, largest_now) == (pytest.approx(rms, rel=0.02), pytest.approx(largest, rel=0.02))
-        assert "so the numbers differ slightly" in page.locator("section", has=box).inner_text()
         for row in box.locator(".slider").all():
             row.locator("input[type=range]").fill("700")
             assert settled(page) != first
