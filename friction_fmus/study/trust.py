@@ -143,7 +143,7 @@ def dry_friction_findings(models: Sequence[IdentifiedModel], record: Record) -> 
     fits, u = (models[0].row.train, models[0].row.validation), record.units.words
     left = min((each.percent for each in fits if each is not None and each.unit == record.units.force), default=0.0)
     if left > UNEXPLAINED:
-        what = f"The best model leaves {left:.3g} % of the {u.force}: noise, another force on the axis or a wrong column."
+        what = f"The best model leaves {left:.3g} % of the {u.force}: noise, another force, or a wrong column."
         return (StudyFinding("force-not-explained", what, "Check the columns, and record this axis moving alone."),)
     roles = [find(each.block).about.friction for each in models if each.block]
     role = roles[0] if models[0].block else None

@@ -252,7 +252,7 @@ def test_a_force_that_no_model_explains(percent: float, unit: str, found: bool) 
     row = replace(row, validation=Fit(9.1, 97.0, "force", unit))  # of a sweep, the filter may leave noise at the end
     (finding,) = dry_friction_findings([IdentifiedModel(row, "Coulomb", {"Fc": 0.0}, 1.0)], record)
     assert finding.name == ("force-not-explained" if found else "no-dry-friction")
-    assert not found or "leaves 91 % of the current: noise, another force on the axis or a wrong column" in finding.what
+    assert not found or "leaves 91 % of the current: noise, another force, or a wrong column" in finding.what
 
 
 def test_a_force_beyond_the_limit_of_the_servo() -> None:
