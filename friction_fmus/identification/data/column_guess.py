@@ -112,7 +112,7 @@ class Guesser:
         run = longest_run(t)
         names = [name for name, each in self.about.items() if name != clock and each.kind not in ("time", "other")]
         steps = np.diff(t[:MOST])
-        uneven = len(t[run]) < EVEN * len(t[:MOST]) and bool(0.0 < steps.min() and steps.max() < 20.0 * steps.mean())
+        uneven = len(t[run]) < EVEN * len(t[:MOST]) and bool(steps.min() > 0.0 and steps.max() < 20.0 * steps.mean())
         part = slice(0, MOST) if uneven else run
         dt = float(np.ptp(t[part])) / max(len(t[part]) - 1, 1)  # stamps that jitter have another median
         values = {name: without_gaps(self.table.columns[name][part]) for name in names}
