@@ -85,8 +85,8 @@ def useless(result: Identification) -> str:
     if wrong and result.signal in ("force", "friction"):
         e = wrong[0]
         return (
-            f"{e.name} = {e.value:.3g} {e.unit} would need {abs(e.value) * top:.3g} {record.units.force} at the speeds "
-            f"of the record, whose largest force is {peak:.3g}; check columns and units"
+            f"{e.name} = {e.value:.3g} {e.unit} would need {abs(e.value) * top:.3g} {record.units.words.N} at the "
+            f"speeds of the record, whose largest force is {peak:.3g}; check columns and units"
         )
     return ""
 

@@ -284,11 +284,12 @@ def _saturation(records: Sequence[Record], limit: float | None) -> Iterator[Reco
         return
     force = np.concatenate(forces)
     at = np.abs(force) >= SATURATED * limit if limit else (force == np.max(force)) | (force == np.min(force))
+    at &= force != 0.0  # the least value of a current without sign
     share = float(np.mean(at))
-    if share < RARE or not np.ptp(force) or (not limit and np.mean(at[1:][at[:-1]]) < 0.5):
+    if share < RARE or not np.ptp(force) or (not limit and np.sum(at[1:] & at[:-1]) < 0.5 * np.sum(at[:-1])):
         return
     u = records[0].units.words
-    level = limit or float(np.max(np.abs(force)))
+    level = limit or float(np.median(np.abs(force[at])))
     what = f"The drive {u.force} is at its limit of {level:.4g} {u.N} in {100 * share:.3g} % of the samples."
     trust = f"Do not trust the intervals of {u.mass} and friction. " if share > OFTEN else ""
     change = f"{trust}Record slower motion or raise the limit: no compensation acts while the drive saturates."

@@ -194,7 +194,7 @@ def inverse_model(train: Sequence[Record], validation: Sequence[Record], measure
     Fc = fit.parameters["Fc"].value
     negative = [p for p in fit.parameters.values() if p.name != "OF" and p.value < 0.0]
     if negative:
-        listed = ", ".join(f"{p.name} = {p.value:.4g} {p.unit}" for p in negative)
+        listed = ", ".join(f"{p.name} = {p.value:.4g} {p.unit}".removesuffix(" 1") for p in negative)
         reason = f"the {record.units.words.force} fits negative parameters ({listed})."
         return IdentifiedModel(ModelResult(INVERSE, summary, "inverse", rows, reason=reason, simulations=0))
     fitted = inverse_residual(fit, [record])

@@ -140,11 +140,10 @@ NEGLIGIBLE: Final = 1e-3  # Coulomb friction over the rms drive force, below whi
 
 def dry_friction_findings(models: Sequence[IdentifiedModel], record: Record) -> tuple[StudyFinding, ...]:
     """Return a finding if the best model, which is the first, leaves most of the force, or alone lacks dry friction."""
-    fit, u = models[0].row.validation or models[0].row.train, record.units.words
-    if fit is not None and fit.unit == record.units.force and fit.percent > UNEXPLAINED:
-        what = (
-            f"The best model leaves {fit.percent:.3g} % of the {u.force}, which {u.mass} and friction do not explain."
-        )
+    fits, u = (models[0].row.train, models[0].row.validation), record.units.words
+    left = min((each.percent for each in fits if each is not None and each.unit == record.units.force), default=0.0)
+    if left > UNEXPLAINED:
+        what = f"The best model leaves {left:.3g} % of the {u.force}: noise, another force, or a wrong column."
         return (StudyFinding("force-not-explained", what, "Check the columns, and record this axis moving alone."),)
     roles = [find(each.block).about.friction for each in models if each.block]
     role = roles[0] if models[0].block else None

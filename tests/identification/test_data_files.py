@@ -179,6 +179,8 @@ def test_missing_cells_are_left_out_and_named(tmp_path: Path) -> None:
     [
         ("a.csv", b"", "has too few lines for a table .0.;"),
         ("a.csv", b"one\ntwo\nthree\nfour\n", "has no line of numbers"),
+        ("a.json", b'{"base": ["a", "b", "c"], "tip": ["d", "e", "f"]}', "no column has numbers that change"),
+        ("a.txt", b"Grav Free\n" + b"1.35\n" * 9, "no column has numbers that change"),
         ("a.mat", b"nothing of MATLAB" * 50, "cannot be read as a .mat file"),
         ("a.parquet", b"PAR1", "cannot be read as a .parquet file"),
         ("a.xlsx", b"", "is not a workbook of the format .xlsx; save it in this format, or as text"),

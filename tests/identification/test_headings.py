@@ -93,6 +93,26 @@ def test_headings_of_other_signals_are_not_mistaken(heading: str, unit: str) -> 
 
 
 @pytest.mark.parametrize(
+    ("heading", "kind", "qualifier"),
+    [
+        ("Temps", "time", ""),
+        ("Consigne de position", "position", "reference"),
+        ("Position mesurée", "position", "actual"),
+        ("Vitesse réelle", "velocity", "actual"),
+        ("Erreur de position", "position", "error"),
+        ("Courant moteur", "force", ""),
+        ("POSICIÓN", "position", ""),
+        ("Referencia posición", "position", "reference"),
+        ("Corriente", "force", ""),
+        ("velocità", "velocity", ""),
+        ("coppia", "force", ""),
+    ],
+)
+def test_headings_in_french_spanish_and_italian(heading: str, kind: str, qualifier: str) -> None:
+    assert about(heading, "") == ColumnMeaning(kind, qualifier, "", "", True)
+
+
+@pytest.mark.parametrize(
     ("heading", "kind", "qualifier", "axis"),
     [
         ("tau_J1", "force", "", "1"),  # a joint of libfranka, no joule

@@ -246,6 +246,15 @@ def test_intervals_that_differ_everywhere_do_not_hide_the_joint_that_moves(tmp_p
     assert (chosen["position"], chosen["force"]) == ("q[1]", "tau[1]")
 
 
+def test_bursts_between_long_pauses_are_examined_one_by_one(tmp_path: Path) -> None:
+    """Twelve bursts of half a second, a minute apart, in which nothing is known: one of them says what is what."""
+    burst = slice(200, 450)
+    t = np.concatenate([T[burst] + 60.0 * k for k in range(12)])
+    headings, columns = "time [s],a,b,c", (np.tile(each[burst], 12) for each in (TAU, Q, V))
+    measurement = read_measurement(saved(tmp_path, headings, t, *columns))
+    assert (used(measurement)["position"], used(measurement)["force"]) == ("b", "a")
+
+
 def test_named_columns_that_physics_does_not_confirm_are_proposed(tmp_path: Path) -> None:
     """A torque of gravity and cables hides the friction: the names of each axis stand together in a command."""
     noise = np.random.default_rng(4).normal(size=(2, len(T)))

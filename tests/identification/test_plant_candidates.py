@@ -116,6 +116,19 @@ def test_share_of_saturation(limit):
     assert "saturated" not in [each.name for each in plant_findings([rare], 30.0)[0]]
 
 
+def test_a_current_without_sign_is_not_at_its_limit_at_rest():
+    """A third of the log at rest, where the current is zero, its least value; a limit of 30 on one side only is one."""
+    t = 1e-3 * np.arange(9000.0)
+    force = np.where(t < 3.0, 0.0, np.abs(20.0 * np.sin(2.0 * np.pi * 0.7 * t)))
+    record = Record("axis", t, q=np.sin(t), force=force)
+    assert "saturated" not in [each.name for each in plant_findings([record], None)[0]]
+    limited = replace(
+        record, force=np.maximum(40.0 * np.sin(2.0 * np.pi * 0.7 * t) + np.where(t == 1.0, 5.0, 0.0), -30.0)
+    )
+    finding = plant_findings([limited], None)[0][0]
+    assert (finding.name, numbers_of(finding.what)[0]) == ("saturated", pytest.approx(30.0))
+
+
 CLEAN = {
     "moves": (Axis(noise=0.5), moves(T)),
     "harmonics": (Axis(noise=0.5), reference(T)),

@@ -104,14 +104,15 @@ class Guesser:
 
     def guess(self) -> Guessed:
         """Return the mappings that fit."""
-        clock = self._clock()
+        clock = self._clock() if self.about else None
         if clock is None:
-            return Guessed((), tuple(self.problems))
+            return Guessed((), tuple(self.problems) or ("no column has numbers that change",))
         rows = len(next(iter(self.table.columns.values()), ()))
         t = without_jumps(self.table.columns[clock]) if clock else np.arange(float(rows))
         run = longest_run(t)
         names = [name for name, each in self.about.items() if name != clock and each.kind not in ("time", "other")]
-        uneven = len(t[run]) < EVEN * len(t[:MOST]) and bool(np.all(np.diff(t[:MOST]) > 0.0))
+        steps = np.diff(t[:MOST])
+        uneven = len(t[run]) < EVEN * len(t[:MOST]) and bool(steps.min() > 0.0 and steps.max() < 20.0 * steps.mean())
         part = slice(0, MOST) if uneven else run
         dt = float(np.ptp(t[part])) / max(len(t[part]) - 1, 1)  # stamps that jitter have another median
         values = {name: without_gaps(self.table.columns[name][part]) for name in names}

@@ -80,18 +80,18 @@ _UNMEASURED = re.compile(
 
 WORDS: Final[Mapping[str, tuple[str, ...]]] = {
     "time": _words("""
-        t, time, timestamp, stamp, elapsed, zeit, zeitstempel, clock, tick,
+        t, time, timestamp, stamp, elapsed, zeit, zeitstempel, clock, tick, temps, tiempo, tempo,
         时间, 時間, 时刻, 時刻
     """),
     "position": _words("""
         position, positions, pos, lage, angle, winkel, weg, x, q, phi, theta, displacement, encoder, enc, stroke,
-        qpos, actpos, setpos, istposition, sollposition, istwinkel, istlage,
+        qpos, actpos, setpos, istposition, sollposition, istwinkel, istlage, posicion, posición, posizione,
         位置, 角度, 位移, 変位
     """),
     "velocity": _words("""
         velocity, velo, vel, speed, omega, drehzahl, istdrehzahl, geschwindigkeit, dq, qdot, v, n, w, qvel, actvelo,
         actvel, rpm, xdot, winkelgeschwindigkeit, sollgeschwindigkeit, thetadot, solldrehzahl, istgeschwindigkeit,
-        dtheta, dphi, dx,
+        dtheta, dphi, dx, vitesse, velocidad, velocità,
         速度, 转速, 回転数
     """),
     "acceleration": _words("""
@@ -102,7 +102,7 @@ WORDS: Final[Mapping[str, tuple[str, ...]]] = {
         torque, tau, force, kraft, moment, drehmoment, current, curr, cur, strom, iststrom, i, iq, isq, u, effort,
         ampere, istmoment, sollstrom, sollmoment, acttorque, motorstrom, antriebsmoment, istdrehmoment, motormoment,
         trq, stromistwert, loadratio, loadfactor, effectiveload, voltage, spannung, duty, pwm, torqueratio,
-        电流, 電流, 转矩, 扭矩, 力矩, トルク, 负载率, 負荷率
+        电流, 電流, 转矩, 扭矩, 力矩, トルク, 负载率, 負荷率, courant, couple, corriente, fuerza, coppia, corrente,
     """),
 }
 """Words in headings, by what they stand for; without a unit they are enough for a guess that the motion confirms."""
@@ -111,16 +111,16 @@ QUALIFIERS: Final[Mapping[str, tuple[str, ...]]] = {
     "reference": _words("""
         ref, reference, soll, sollwert, target, goal, set, setpoint, sp, demand, desired, des, cmd, command,
         commanded, ziel, setpos, sollposition, solldrehzahl, sollstrom, sollmoment, sollgeschwindigkeit, planned,
-        nominal, profile, input,
+        nominal, profile, input, consigne, consigna, referencia, riferimento,
         指令, 给定, 目标, 目標, 设定, 設定
     """),
     "error": _words("""
         error, err, fehler, deviation, dev, abweichung, lag, following, schlepp, schleppfehler, droop, diff,
-        difference, regelabweichung,
+        difference, regelabweichung, erreur, écart,
         偏差, 误差, 誤差
     """),
     "actual": _words("""
-        actual, act, ist, istwert, measured, meas, feedback, fb, fbk, present, actpos,
+        actual, act, ist, istwert, measured, meas, feedback, fb, fbk, present, actpos, mesuré, mesurée, réel, réelle,
         实际, 反馈, 実, 現在, フィードバック
     """),
     "other": _words("""
@@ -252,7 +252,7 @@ def about(heading: str, unit: str) -> ColumnMeaning:
 _EASTERN: Final = [word for listed in (*WORDS.values(), *QUALIFIERS.values()) for word in listed if word > "\u3000"]
 """Words of Chinese and Japanese, which are not separated from others."""
 
-_TOKEN = re.compile(r"[A-ZÄÖÜ]{2,}(?![a-zäöü])|[A-ZÄÖÜ]?[a-zäöüß]+|[A-ZÄÖÜ]|\d+")
+_TOKEN = re.compile(r"[A-ZÀ-Þ]{2,}(?![a-zß-ÿ])|[A-ZÀ-Þ]?[a-zß-ÿ]+|[A-ZÀ-Þ]|\d+")
 
 
 _FORCES: Final = tuple(known.exponents for known in map(unit_of, ("1", "A", "V")) if known is not None)
