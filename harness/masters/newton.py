@@ -275,8 +275,8 @@ class Loops(Algorithm):
         for _, line, _, first, count, *_ in self.contacts:
             if moving[line].partial and count:
                 _LOG.warning(
-                    "%s is not the sum of the other forces on the mass, as its friction needs it at rest: the result may "
-                    "be wrong; connect it to that sum, such as F_ext of Mass",
+                    "%s is not the sum of the other forces on the mass, as its friction needs it at rest: the result "
+                    "may be wrong; connect it to that sum, such as F_ext of Mass",
                     " or ".join(self.plan.names[load] for load in self.loads[first : first + count]),
                 )
         return {**counts, "checks": checks, "unresolved_error": worst}
