@@ -97,10 +97,8 @@ static int share_again(Engine *e, Newton *newton, int64_t number, double t, doub
     const Contact *const first = contacts_of(newton, g), *const last = first + g->contacts;
     const int64_t jumped = newton->jumped;
     bool shared = false, holds = true;
-    for (const Contact *c = first; c < last; c++) {
+    for (const Contact *c = first; c < last; c++)
         shared = shared || (velocity_of(newton, c)->rests && is_shared(e, newton, g, c));
-        velocity_of(newton, c)->leaves = 0;
-    }
     if (!shared)
         return SOLVED;
     int status = hold_again(e, newton, number, t, at);

@@ -157,6 +157,7 @@ static void accept_contacts(const Engine *e, Newton *newton, const Group *g, con
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         Moving *const m = &newton->moving[c->line];
         m->rests = is_rest(m) ? m->role : FREE;
+        m->leaves = 0;
         m->path += s->h * fabs(e->lines[c->line].mean);
         if (c->position >= 0)
             m->x0 = e->signals[c->position];
