@@ -404,9 +404,16 @@ def test_bad_start_value_is_refused(value: str, tmp_path: Path, capsys: pytest.C
 
 
 @pytest.mark.parametrize(
-    ("values", "Fn"), [(("Fn0=50",), 50.0), (("Fn0=0.05 kN",), 50.0), (("Fn0=50", "Fn=20"), 20.0), (("Fn=20",), 20.0)]
+    ("block", "values", "Fn"),
+    some(
+        [
+            (block, values, Fn)
+            for block in ("LuGre", "StaticFeedforward")
+            for values, Fn in ((("Fn0=50",), 50.0), (("Fn0=0.05 kN",), 50.0), (("Fn0=50", "Fn=20"), 20.0))
+        ],
+        [("LuGre", ("Fn0=0.05 kN",), 50.0), ("StaticFeedforward", ("Fn0=50", "Fn=20"), 20.0)],
+    ),
 )
-@pytest.mark.parametrize("block", ["LuGre", "StaticFeedforward"])
 def test_the_normal_force_begins_with_that_of_the_parameters(
     tmp_path: Path, block: str, values: tuple[str, ...], Fn: float
 ) -> None:

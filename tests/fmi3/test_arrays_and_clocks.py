@@ -16,7 +16,7 @@ import pytest
 from fmi3.slaves import Model, Slave, check_adjoint, three
 from lxml import etree
 from shell.selection import SHELL_BLOCKS
-from thorough import some
+from thorough import landing, some
 
 from harness.compiling.toolchain import header_folder
 
@@ -154,6 +154,7 @@ def test_states_are_resized() -> None:
         one.refuses(lambda: one.getContinuousStates((c_double * whole)(), whole), "3 continuous states")
 
 
+@landing
 def test_states_beside_a_resized_array() -> None:
     """A scalar and the first three of ten elements, in the order of the description."""
     with Model(three("ModifiedLeuven")) as one:
