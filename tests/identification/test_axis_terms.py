@@ -102,6 +102,7 @@ def test_a_known_load_replaces_gravity_and_its_sign_is_checked(record: Record) -
         identify("Stribeck", replace(record, load=load), method="free-run")
 
 
+@landing
 def test_a_constant_load_only_moves_the_offset(record: Record) -> None:
     loaded = replace(record, load=np.full(len(record), 0.1))
     without, found = (identify("Coulomb", each, terms=("gravity", "load")).values() for each in (record, loaded))

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from thorough import nightly
+from thorough import landing, nightly
 
 from friction_fmus.__main__ import main
 from friction_fmus.blocks.axis_units import ROTARY, units_of_channels
@@ -336,6 +336,7 @@ def test_a_wrong_gain_is_refused_with_one_that_fits(tmp_path: Path, heading: str
         read_measurement(path, DataMapping(path, gain=gain))
 
 
+@landing
 def test_steady_speeds_have_a_gain_but_no_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     speeds = np.concatenate([np.linspace(0.5, 9.0, 20), -np.linspace(0.5, 9.0, 20)])
     current = 2.0 * (FC * np.sign(speeds) + FV * speeds)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from thorough import nightly
+from thorough import landing, nightly
 
 from friction_fmus.data import load_emps, load_tribometer
 from friction_fmus.identification import ROTARY, RecordError, read_measurement, read_records
@@ -215,6 +215,7 @@ def test_a_mapping_is_not_given_twice(tmp_path: Path) -> None:
         read_records(path, path)
 
 
+@landing
 def test_the_mapping_of_the_emps_record_gives_the_record_of_the_package() -> None:
     (record,) = read_records(EXAMPLES / "emps.toml")
     known = load_emps()

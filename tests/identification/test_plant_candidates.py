@@ -52,6 +52,7 @@ def test_two_masses(load_friction):
     assert f"{finding.measure}".startswith(f"Set resonance = [{load.resonance:.3g}] in [axis]")
 
 
+@landing
 def test_direction_dependent_friction():
     name, (forward, backward, constant) = named(simulate(Axis(forward=22.0, backward=15.0, noise=0.5), reference(T)))
     assert name == "direction-dependent-friction"
@@ -82,6 +83,7 @@ def test_drift_of_a_constant_force():
     assert (begin, end) == pytest.approx((3.0, -3.0), rel=0.1)
 
 
+@landing
 def test_gravity_of_a_rotary_axis():
     axis = Axis(gravity=60.0, limit=4000.0)
     record = replace(simulate(axis, moves(T, stroke=3.0, duration=1.0, period=1.5)), units=ROTARY)
@@ -116,6 +118,7 @@ def test_share_of_saturation(limit):
     assert "saturated" not in [each.name for each in plant_findings([rare], 30.0)[0]]
 
 
+@landing
 def test_a_current_without_sign_is_not_at_its_limit_at_rest():
     """A third of the log at rest, where the current is zero, its least value; a limit of 30 on one side only is one."""
     t = 1e-3 * np.arange(9000.0)

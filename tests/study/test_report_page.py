@@ -17,7 +17,7 @@ import pytest
 from lxml import etree
 from made_up_study import made_up_study
 from plotly.offline import get_plotlyjs
-from thorough import nightly, some
+from thorough import landing, nightly, some
 
 from friction_fmus.identification import ROTARY
 from friction_fmus.report import report_html, write_report
@@ -145,6 +145,7 @@ def test_the_library_comes_along_compressed(text: str) -> None:
     assert len(text.encode()) < 6e6
 
 
+@landing
 def test_texts_of_the_user_are_text() -> None:
     study = made_up_study()
     best = study.models[0]

@@ -35,6 +35,7 @@ def test_a_cascade(window: int, delay: int) -> None:
     assert found.servo.Ts == TS
 
 
+@landing
 def test_feedforward_of_velocity_and_acceleration() -> None:
     found = estimate_servo(logged(lambda k, e, v, total: 2000.0 * e + 80.0 * (RD[k] - v) + 1.5 * RDD[k], 2))
     assert found is not None
@@ -90,6 +91,7 @@ def test_the_limit_of_a_drive_that_saturates_in_a_noisy_force() -> None:
     assert "largest one of the record" in found.finding.what
 
 
+@landing
 def test_a_limit_that_the_record_does_not_show_is_said_to_be_assumed() -> None:
     found = estimate_servo(logged(lambda k, e, v, total: 80.0 * (25.0 * e - v), 2))
     assert found is not None
