@@ -15,8 +15,8 @@
 #define STOPS_NOT 0.5    /* of a step that forces cannot stop within twice its length */
 #define UNEVEN    0.02   /* distance to a stop over the path: how much it may vary with the friction on the way */
 #define PARTIAL   0.01   /* of its force: by how much a contact at rest differs from a load that is not the whole one */
-#define UNLIKE    1e-5   /* of its jump: the same, */
-#define AHEAD     1e-3   /* unless the load is larger, as one that begins within the span is ahead of its mean */
+#define UNLIKE    1e-5   /* of its jump: the same, if more than half of the force is missing in the load; */
+#define AHEAD     1e-3   /* otherwise, as the mean of a load that begins within the span is behind or ahead of it */
 #define FEW       0.05   /* of the way to a stop: that at velocities below the first of two points */
 #define GAUSS     0.28867513459481287 /* distance of the points from the middle: root of 1/12 */
 enum { MOST_CORRECTIONS = 12 };
@@ -271,7 +271,7 @@ static int test(Engine *e, Newton *newton, const Group *g, const Contact *c, con
     const bool enough =
         m->u0 > 0.0 ? force <= fmax(trial->up, trial->mean) + slack : force >= fmin(trial->down, trial->mean) - slack;
     trial->holds = m->rigid > 0 && (!stopping || enough) && (by_load || (force >= least && force <= most));
-    const double slight = (fabs(force) < fabs(load) ? AHEAD : UNLIKE) * (high - low);
+    const double slight = (fabs(load) < 0.5 * fabs(force) ? UNLIKE : AHEAD) * (high - low);
     if (trial->holds && stays && differs(newton, c, load) && fabs(force - load) > slight)
         m->partial = 1;
     /* in a divided step, a contact that goes on in the other direction is located, too */
