@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -363,12 +363,14 @@ def _simulator(model: str, joint: Joint, records: Sequence[JointRecord]) -> Iter
     contact = contact_model(model, ROTARY)
     with ExitStack() as stack:
         stack.enter_context(quiet_runs())
-        threads = stack.enter_context(ThreadPoolExecutor(max(1, min(available(), len(records)))))
         systems = [stack.enter_context(_system(contact, joint, record)) for record in records]
+        threads = stack.enter_context(ThreadPoolExecutor(max(1, min(available(), len(records)))))
 
         def run(values: Mapping[str, float]) -> list[Array]:
-            given = _start(contact, joint, values)
-            return list(threads.map(partial(_angle, given), systems, records))
+            angle = partial(_angle, _start(contact, joint, values))
+            runs = [threads.submit(angle, *each) for each in zip(systems, records, strict=True)]
+            wait(runs)  # also for those beside one that fails: the next call uses their systems
+            return [each.result() for each in runs]
 
         yield run
 

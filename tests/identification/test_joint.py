@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from math import copysign, sin
 from pathlib import Path
@@ -15,6 +16,9 @@ from thorough import landing, nightly
 
 from friction_fmus.errors import FitError, RecordError
 from friction_fmus.identification import LINEAR, ROTARY, Joint, JointRecord, Record, identify_joint
+from friction_fmus.identification import joint as joint_module
+from harness import System
+from harness.errors import ExperimentError
 
 ROOT = Path(__file__).parents[2]
 JOINT = Joint(0.005, 0.5)
@@ -48,6 +52,25 @@ def swung(gain: float, frequency: float) -> JointRecord:
 def records() -> list[JointRecord]:
     """Records with two gains."""
     return [swung(1.0, 0.7), swung(2.0, 1.1)]
+
+
+def test_a_run_that_fails_leaves_no_other_behind(records: list[JointRecord], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The systems of those that run beside it are free for the next parameters."""
+    good = {"K": K, "R": R, "inertia": MOTOR, "q0": 0.0, "base": Fc}
+    angle = joint_module._angle
+
+    def fails(start: Mapping[str, float], system: System, record: JointRecord) -> np.ndarray:
+        if record is records[0] and start["motor.K"] < 0.0:
+            raise ExperimentError("does not converge")
+        return angle({**start, "motor.K": abs(start["motor.K"])}, system, record)
+
+    monkeypatch.setattr(joint_module, "_angle", fails)
+    with joint_module._simulator("Stribeck", JOINT, records) as run:
+        first = run(good)
+        for _ in range(5):
+            with pytest.raises(ExperimentError):
+                run({**good, "K": -K})
+            assert np.array_equal(np.concatenate(run(good)), np.concatenate(first))
 
 
 @landing
