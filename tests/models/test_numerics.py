@@ -9,6 +9,7 @@ import zipfile
 from collections import Counter
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -17,8 +18,9 @@ from friction_fmus import build
 from friction_fmus.blocks.catalogue import source_folder
 from harness.compiling.toolchain import compiler
 
-NUMERICS = source_folder() / "numerics"
-C_FILES = sorted(source_folder().rglob("*.[ch]"))
+SOURCES = source_folder()
+NUMERICS = SOURCES / "numerics"
+C_FILES = sorted(SOURCES.rglob("*.[ch]"))
 MODELS = [path for path in C_FILES if path.parent != NUMERICS]
 PI = re.compile(r"\b(3\.14159|6\.28318|1\.57079|0\.78539)\d*|\bM_PI")
 
@@ -76,6 +78,7 @@ def test_quadrature_is_exact_for_polynomials() -> None:
 
 
 CODE = """
+#include "asperity.h"
 #include "elimination.h"
 #include "extrapolation.h"
 #include "linear_step.h"
@@ -102,6 +105,18 @@ bool move(double *y, double k, double h)
     const Dynamics d = {pull, &k, 2, sqrt(1.0 + 2.0 * k), CHAIN_TOLERANCE, &left};
     return move_masses(&d, y, h, &inner);
 }
+void slip(const double *surface, double p, double *found)
+{
+    const Surface f = {surface[0], surface[1], surface[2], surface[3], surface[4], surface[5]};
+    const Slip forwards = {&f, 0.0, 0.0, 1}, backwards = {&f, 0.0, 0.0, -1};
+    const Taylor of[] = {ahead(&forwards, p), instability(&forwards, p),
+                         ahead(&backwards, -p), instability(&backwards, -p)};
+    for (int i = 0; i < 4; i++) {
+        found[3 * i] = of[i].value;
+        found[3 * i + 1] = of[i].slope;
+        found[3 * i + 2] = of[i].bend;
+    }
+}
 """
 BESIDE = -77.0
 
@@ -111,7 +126,15 @@ def numerics(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     """With this number of states of linear equations."""
     folder = tmp_path_factory.mktemp("numerics")
     (folder / "numerics.c").write_text(CODE, encoding="utf-8")
-    flags = ["-std=c99", "-O1", "-shared", "-fPIC", f"-I{NUMERICS}", f"-DLINEAR_STATES={request.param}"]
+    flags = [
+        "-std=c99",
+        "-O1",
+        "-shared",
+        "-fPIC",
+        f"-I{NUMERICS}",
+        f"-I{SOURCES / 'friction'}",
+        f"-DLINEAR_STATES={request.param}",
+    ]
     flags += ["-ftrivial-auto-var-init=pattern"]  # what is not set is no number
     subprocess.run([*compiler(), *flags, "numerics.c", "-lm", "-o", "numerics.so"], cwd=folder, check=True)
     loaded = ctypes.CDLL(str(folder / "numerics.so"))
@@ -123,6 +146,7 @@ def numerics(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     loaded.move.argtypes = (numbers, ctypes.c_double, ctypes.c_double)
     loaded.solve.restype = ctypes.c_bool
     loaded.solve.argtypes = (ctypes.c_int, numbers, numbers)
+    loaded.slip.argtypes = (numbers, ctypes.c_double, numbers)
     loaded.advance.argtypes = (*[numbers] * 4, ctypes.c_double)
     return loaded
 
@@ -177,3 +201,36 @@ def test_an_oscillator_on_an_accelerated_base_moves_by_its_exponential(numerics:
     expected = (expm(rates * t) @ [*found, 1.0])[:2]
     numerics.swing(found, omega**2, zeta, a, t)
     np.testing.assert_allclose(found, expected, rtol=1e-11)
+
+
+def test_slip_of_an_asperity_has_these_slopes_and_bounds(numerics: ctypes.CDLL) -> None:
+    """g(p) = p + N (w' + s mu0)/k_t and -g', derived by casadi; wherever the asperity touches, no bend is larger."""
+    h, A, k, k_n, k_t, mu0, x, s = symbols = [
+        ca.SX.sym(name) for name in ("h", "A", "k", "k_n", "k_t", "mu0", "x", "s")
+    ]
+    w = A * ca.cos(k * s * x)
+    incline = -A * k * ca.sin(k * s * x)
+    g = s * (s * x + k_n * (h + w) * (incline + s * mu0) / k_t)
+    rows = []
+    for value in (g, -ca.gradient(g, x)):
+        slope = ca.gradient(value, x)
+        rows += [value, slope, ca.gradient(slope, x)]
+    exact = ca.Function("exact", symbols, [ca.vertcat(*rows)])
+    drawn, tightest = np.random.default_rng(1), np.zeros(2)
+    for _ in range(400):
+        size, length = 10.0 ** drawn.uniform(-7.0, -5.0), 10.0 ** drawn.uniform(-6.0, -3.0)
+        values = [size * drawn.uniform(-0.5, 2.0), size, 2.0 * np.pi / length, 1e6, 10.0 ** drawn.uniform(4.0, 7.0)]
+        surface = np.array([*values, drawn.uniform(0.0, 0.5)])
+        for at in length * drawn.uniform(0.0, 1.0, 30):
+            if values[0] + size * np.cos(values[2] * at) < 0.0:
+                continue
+            found = np.empty(12)
+            numerics.slip(surface, at, found)
+            for side, place in ((1.0, slice(0, 6)), (-1.0, slice(6, 12))):
+                expected = np.asarray(exact(*surface, side * at, side)).ravel()
+                scale = abs(expected) + 1e-9 * np.array([length, 1.0, 1.0 / length, 1.0, 1.0 / length, 1.0 / length**2])
+                assert np.all(abs(found[place] - expected)[[0, 1, 3, 4]] <= 1e-9 * scale[[0, 1, 3, 4]])
+                share = abs(expected[[2, 5]]) / found[place][[2, 5]]
+                assert np.all(share <= 1.0 + 1e-9)
+                tightest = np.maximum(tightest, share)
+    assert np.all(tightest > 0.5)
