@@ -205,6 +205,7 @@ def test_instances_leave_no_memory_behind(library: Library) -> None:
             with run.saved():
                 run.step(H, H)
             run.restore(run.serialised())
+        assert Instance(library, guid=b"").pointer is None
 
     def growth() -> int:
         gc.collect()
