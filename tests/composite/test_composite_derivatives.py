@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -112,6 +113,18 @@ def test_a_sampled_part_holds_its_outputs_after_the_start(sums: Library) -> None
         run.must("ExitInitializationMode")
         run.step(0.0, 1e-2)
         assert run.directional(["sampled.y"], {"sampled.u1": 2.0}) == [0.0]
+
+
+def test_parts_without_inputs_and_connections(tmp_path: Path) -> None:
+    """They exchange no signal. r = offset + A sin(phase) at t = 0, so that dr/dA = sin(phase) and dr/doffset = 1."""
+    parts = [FmuPart(name, fmu("Sine")) for name in "ab"]
+    with System(parts, start={"a.phase[1]": 0.5}, experiment=Experiment(stop=1.0, step=1e-2)) as system:
+        system.to_fmu(tmp_path / "sines.fmu")
+    with Instance(load(tmp_path / "sines.fmu")) as run:
+        run.setup()
+        run.must("EnterInitializationMode")
+        found = run.directional(["a.r", "b.r"], {"a.amplitude[1]": 1.0, "a.offset": 2.0, "b.offset": 3.0})
+        assert found == pytest.approx([math.sin(0.5) + 2.0, 3.0], rel=1e-7)
 
 
 def test_wrong_requests_are_errors(compose: Callable[[str], Path]) -> None:

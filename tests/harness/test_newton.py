@@ -174,6 +174,38 @@ def test_at_rest_no_step_is_divided() -> None:
     assert result.attrs["checks"] > 0
 
 
+SCHEDULED = (0, 1, 2, 4, 8, *range(16, 512, 16), 512, 1024)  # ticks of checks that nothing else asks for
+
+
+@pytest.mark.parametrize("steps", [16, 512, 1100])
+def test_at_rest_only_scheduled_steps_are_checked(steps: int) -> None:
+    """Each tick that is a power of 2 up to 8, every 16th until 512, then every 512th."""
+    result = System([mass(v0=0.0), bristle()], WIRES).run(stop=steps * 1e-3, step=1e-3, master="newton")
+    assert result.attrs["checks"] == sum(tick < steps for tick in SCHEDULED)
+
+
+@pytest.mark.parametrize(("rate", "checks"), [(1e-2, 1), (200.0, 2)])
+def test_the_step_after_a_jump_is_checked_if_the_motion_may_be_over_in_one(rate: float, checks: int) -> None:
+    """v' = rate (1 - v) from v = 1, and 1.005 in place of 1 after a jump between two scheduled checks."""
+    h, jump = 0.1, 53
+    plant = CallablePart(
+        "mass",
+        lambda t, u, x: x,
+        ["F", "f"],
+        ["v"],
+        advance=lambda t, h, u, x: x + h * (rate + u[0] - u[1]),
+        state=[1.0],
+        dependencies={"v": ()},
+    )
+    friction = CallablePart("friction", lambda t, u, x: rate * u[0], ["v"], ["f"])
+    drive = SeriesPart("drive", [0.0, jump * h], {"F": [0.0, 5e-3 * rate]}, interpolation="previous", beyond="hold")
+    wires = ["drive.F -> mass.F", "mass.v -> friction.v", "friction.f -> mass.f"]
+    result = System([plant, friction, drive], wires).run(stop=10.0, step=h, master="newton")
+    late = np.maximum(result["time"].to_numpy() - jump * h, 0.0)
+    np.testing.assert_allclose(result["mass.v"][60:], (1.005 - 5e-3 * np.exp(-rate * late))[60:], atol=1e-4)
+    assert result.attrs["checks"] == sum(tick < 100 for tick in SCHEDULED) + checks
+
+
 def test_sampled_controller_takes_its_sample_first_and_once() -> None:
     samples: list[float] = []
 
@@ -299,6 +331,44 @@ def test_a_contact_without_known_load_holds_within_its_jump() -> None:
     t, speed = result["time"].to_numpy(), result["mass.v"].to_numpy()
     assert (speed[t < 0.1995] == 0.0).all()
     np.testing.assert_allclose(speed, 5.0 * np.maximum(t - 0.2, 0.0) ** 2, atol=1e-4)
+
+
+def test_contacts_beside_one_another_hold_a_load_that_grows() -> None:
+    """Friction of 1 N and 2 N holds a load F = 2 N/s t that begins with the run, and is it from the second step on.
+
+    A meter in the loop integrates F to t^2. From the first step, whose mean is 8/15 of its end, it is h^2/15 ahead.
+    """
+    v, load, h = Port("v", "m/s"), Port("load", "N"), 0.1
+    plant = CallablePart(
+        "mass",
+        lambda t, u, x: [x[0], u[0]],
+        [Port(name, "N") for name in ("drive", "a", "b", "none")],
+        [v, load],
+        advance=lambda t, h, u, x: [x[0] + h * (u[0] - sum(u[1:]))],
+        state=[0.0],
+        dependencies={"v": (), "load": ("drive",)},
+    )
+    meter = CallablePart(
+        "meter",
+        lambda t, u, x: [0.0 * u[0], x[0]],
+        [load],
+        [Port("none", "N"), "impulse"],
+        advance=lambda t, h, u, x: x + h * u[0],
+        state=[0.0],
+        dependencies={"none": ("load",), "impulse": ()},
+    )
+    drive = SeriesPart("drive", [0.0, 1.0], {"F": [0.0, 2.0]}, {"F": "N"})
+    contacts = [
+        CallablePart(name, lambda t, u, x, Fc=Fc: Fc * np.sign(u[0]), [v], [Port("F", "N")])
+        for name, Fc in (("a", 1.0), ("b", 2.0))
+    ]
+    wires = ["drive.F -> mass.drive", "mass.load -> meter.load", "meter.none -> mass.none"]
+    wires += [wire for name in "ab" for wire in (f"mass.v -> {name}.v", f"{name}.F -> mass.{name}")]
+    result = System([drive, plant, meter, *contacts], wires).run(stop=1.0, step=h, master="newton")
+    t = result["time"].to_numpy()
+    assert (result["mass.v"] == 0.0).all()
+    np.testing.assert_allclose(result["a.F"][2:] + result["b.F"][2:], 2.0 * t[2:], rtol=1e-5)
+    np.testing.assert_allclose(result["meter.impulse"], t**2, atol=1.01 * h**2 / 15.0)
 
 
 def test_a_break_away_takes_as_many_steps_in_all_units() -> None:

@@ -1,4 +1,5 @@
-"""Decisions of the implicit master from one iterate, span or check to the next, by the rules in step_check.h."""
+"""Decisions of the implicit master from one iterate, span or check to the next, by the rules in step_check.h; those of
+turns.h."""
 
 from __future__ import annotations
 
@@ -12,11 +13,14 @@ from typing import Any
 import pytest
 
 from harness.compiling.toolchain import compiler
-from harness.masters.newton import Moving, NewtonData, StepCheck
+from harness.engine.native import EngineData
+from harness.masters.newton import Moving, NewtonData, StateOutput, StepCheck
+from harness.system.plan import SET, STEP
 
 FOLDER = Path(__file__).parents[2] / "harness"
 CODE = """
 #include "newton.h"
+#include "turns.h"
 EXPORT double next_iterate(Bracket *b, double w, double r, double candidate, int64_t tries);
 EXPORT double next_iterate(Bracket *b, double w, double r, double candidate, int64_t tries)
 {
@@ -36,6 +40,26 @@ EXPORT void conclude_check(Newton *newton, int64_t tick, const Span *s, double o
 EXPORT void conclude_check(Newton *newton, int64_t tick, const Span *s, double off, bool smallest)
 {
     conclude(newton, 0, tick, s, off, smallest);
+}
+EXPORT double largest(const Newton *newton, int64_t first, int64_t count, int64_t unit);
+EXPORT double largest(const Newton *newton, int64_t first, int64_t count, int64_t unit)
+{
+    const Group g = {.state = first, .states = count};
+    return largest_of_unit(newton, &g, unit);
+}
+static int refuse_directly(void *component, const Ports *ports, const double *signals) { return NOT_DIRECT; }
+static int set_by_fmi(void *component, const uint32_t *references, size_t n, void *values) { return *(int *)component; }
+EXPORT bool turn_settled(int verified, int by_fmi, Engine *found);
+EXPORT bool turn_settled(int verified, int by_fmi, Engine *found)
+{
+    static const Direct direct = {.set = refuse_directly};
+    double signals[1] = {NAN};
+    const uint32_t reference = 7;
+    EnginePart parts[2] = {{0}, {.component = &by_fmi, .direct = &direct, .set = {set_by_fmi}, .inputs = {0, 1, 1, 1},
+                                 .input_references = &reference}};
+    found->parts = parts;
+    found->signals = signals;
+    return settle_turn(found, 1, verified, 3.0);
 }
 """
 RUNG, RUNGS, SLOWER, SOON, CONFIRMATIONS, AMPLIFIED = 4.0, 8, 64.0, 16, 4, 4.0
@@ -68,6 +92,9 @@ def master(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     loaded.next_iterate.argtypes = (ctypes.c_void_p, c_double, c_double, c_double, c_int64)
     loaded.span_after.argtypes = (ctypes.c_void_p, ctypes.c_void_p, c_double, ctypes.c_void_p)
     loaded.shortest_span.argtypes = (ctypes.c_void_p, ctypes.c_void_p, c_double)
+    loaded.largest.restype, loaded.turn_settled.restype = c_double, c_bool
+    loaded.largest.argtypes = (ctypes.c_void_p, c_int64, c_int64, c_int64)
+    loaded.turn_settled.argtypes = (ctypes.c_int, ctypes.c_int, ctypes.c_void_p)
     loaded.conclude_check.argtypes = (ctypes.c_void_p, c_int64, ctypes.c_void_p, c_double, c_bool)
     return loaded
 
@@ -192,3 +219,29 @@ def test_errors_that_no_span_resolves_are_kept(master: ctypes.CDLL) -> None:
     loop.guard.distance_error = 0.125  # tolerated
     master.conclude_check(loop.address, 102, ctypes.addressof(quarter), 0.5, False)
     assert (loop.line.accumulated_error, loop.line.distance_error) == (5.0, 0.875)
+
+
+def test_the_magnitude_of_a_position_is_the_largest_of_its_unit_in_the_loop(master: ctypes.CDLL) -> None:
+    """The first state belongs to another loop; an acceleration, of another unit, is larger than all."""
+    states, sizes = (StateOutput * 5)(*((i, unit) for i, unit in enumerate((1, 1, 2, 1, 1)))), (c_double * 5)()
+    sizes[:] = 9.0, 0.5, 40.0, 3.0, 2.0
+    data = NewtonData(states=ctypes.addressof(states), state_sizes=ctypes.addressof(sizes))
+    found = [master.largest(ctypes.addressof(data), 1, 4, unit) for unit in (0, 1, 2)]
+    assert found == [0.0, 3.0, 40.0]
+
+
+@pytest.mark.parametrize(
+    ("verified", "by_fmi", "operation"),
+    [(0, 3, None), (1, 3, None), (2, 0, STEP), (3, 0, STEP), (-1, 0, None), (-1, 1, None), (-1, 3, SET)],
+)
+def test_a_turn_that_is_not_direct_fails_if_the_call_of_fmi_does(
+    master: ctypes.CDLL, verified: int, by_fmi: int, operation: int | None
+) -> None:
+    """-1: the inputs have to be set by FMI, which says what is wrong; else, the status is that of the turn."""
+    engine = EngineData(failed_part=-1)
+    assert master.turn_settled(verified, by_fmi, ctypes.addressof(engine)) == (operation is None)
+    if operation is None:
+        assert engine.failed_part == -1
+    else:
+        assert (engine.failed_part, engine.failed_operation, engine.failed_time) == (1, operation, 3.0)
+        assert engine.status == max(verified, by_fmi)
